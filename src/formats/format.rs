@@ -1,0 +1,47 @@
+//! The formats we know, and how a file shows which one it is.
+
+use std::path::Path;
+
+/// A mesh file format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// STL, binary or ASCII.
+    Stl,
+    /// PLY, ASCII or binary of either byte order.
+    Ply,
+    /// Wavefront OBJ.
+    Obj,
+    /// Object File Format; read only.
+    Off,
+    /// Our own triangle soup, docs/FORMATS.md.
+    Soup,
+}
+
+impl Format {
+    /// Name in messages and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stl => "stl",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Off => "off",
+            Self::Soup => "soup",
+        }
+    }
+
+    /// The format a file name promises; `.gz` and `.zst` are looked through.
+    #[must_use]
+    pub fn from_path(path: &Path) -> Option<Self> {
+        let mut path = path;
+        let mut extension = path.extension()?.to_ascii_lowercase();
+        if extension == "gz" || extension == "zst" {
+            path = Path::new(path.file_stem()?);
+            extension = path.extension()?.to_ascii_lowercase();
+        }
+        [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Soup]
+            .into_iter()
+            .find(|format| extension.to_str() == Some(format.name()))
+    }
+}

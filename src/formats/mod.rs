@@ -1,0 +1,22 @@
+//! Parsers and writers over `BufRead` and `Write`. They never open a file, so each works on
+//! standard input and is a fuzz target. Both directions speak [`Batch`].
+
+mod batch;
+mod fault;
+mod findings;
+mod format;
+mod origin;
+mod read;
+mod write;
+
+pub use batch::{Batch, Content, Faces};
+pub use fault::FormatError;
+pub use findings::{Defect, DefectKind, Findings};
+pub use format::Format;
+pub use origin::Origin;
+pub use read::{Declared, MeshReader, OnDefect, ReadOptions};
+pub use write::{Counts, MeshWriter, Precision, WriteOptions};
+
+/// Records a reader puts in one [`Batch`], about; chosen by hand: a batch of corners and
+/// positions stays in the second-level cache.
+pub const BATCH_RECORDS: usize = 1 << 15;

@@ -1,0 +1,1 @@
+//! Pure mathematics on `glam`: no files, no state.

@@ -1,0 +1,22 @@
+//! meshmill simplifies, sorts and converts triangle meshes far larger than memory.
+//!
+//! The modules below are listed in the order data flows; docs/ARCHITECTURE.md is the tour.
+
+// What everything speaks: failure and progress.
+pub mod error;
+pub mod progress;
+
+// Pure mathematics.
+pub mod geometry;
+
+// Bytes: the users' files and our own.
+pub mod formats;
+pub mod storage;
+
+// Records with a meaning, and the three out-of-core primitives over them.
+pub mod external;
+pub mod soup;
+
+pub use error::{Error, Result};
+
+const _: () = assert!(usize::BITS == 64 && cfg!(target_endian = "little"), "64-bit little-endian");

@@ -1,0 +1,2 @@
+//! The `meshmill` command.
+fn main() {}

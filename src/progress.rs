@@ -1,0 +1,229 @@
+//! Progress and cancellation, as one small thing passed down.
+//!
+//! It draws nothing: an [`Observer`] receives events and decides what a person sees.
+
+use std::{
+    fmt,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+};
+
+/// Names a stage in events, errors, file names and reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum StageId {
+    /// One sequential read of the input: counts, bounds, vertex table.
+    Import,
+    /// Indexed mesh to triangle soup.
+    Dereference,
+    /// Records put in the order of their key.
+    Sort,
+    /// Soup to indexed mesh.
+    Weld,
+    /// The cell size that meets a triangle count.
+    Estimate,
+    /// Quadrics summed by grid cell.
+    Cluster,
+    /// Cell representatives and the triangles between them.
+    Assemble,
+    /// The result written in the user's format.
+    Export,
+    /// A synthetic surface made.
+    Generate,
+}
+
+impl StageId {
+    /// Name in messages and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Import => "import",
+            Self::Dereference => "dereference",
+            Self::Sort => "sort",
+            Self::Weld => "weld",
+            Self::Estimate => "estimate",
+            Self::Cluster => "cluster",
+            Self::Assemble => "assemble",
+            Self::Export => "export",
+            Self::Generate => "generate",
+        }
+    }
+}
+
+impl fmt::Display for StageId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The caller raised [`Cancel`]. Not a fault: nothing is wrong with the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cancelled during {0}")]
+pub struct Cancelled(pub StageId);
+
+/// Something worth telling the caller.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Event {
+    /// A pass begins.
+    Started {
+        /// Stage.
+        stage: StageId,
+        /// Records this pass will visit; `None` when only the end of a stream will tell.
+        total: Option<u64>,
+    },
+    /// `done` records visited. Never decreases within a pass.
+    Advanced {
+        /// Stage.
+        stage: StageId,
+        /// Records visited so far.
+        done: u64,
+    },
+    /// The pass visited all its records.
+    Finished {
+        /// Stage.
+        stage: StageId,
+        /// Records visited.
+        done: u64,
+    },
+}
+
+/// Receives events. Called from worker threads; must not block.
+pub trait Observer: Sync {
+    /// Handles one event.
+    fn on(&self, event: &Event);
+}
+
+/// Ignores everything.
+impl Observer for () {
+    fn on(&self, _: &Event) {}
+}
+
+impl<F: Fn(&Event) + Sync> Observer for F {
+    fn on(&self, event: &Event) {
+        self(event);
+    }
+}
+
+/// A flag the caller raises to stop a job. Clones share the flag.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks the job to stop at the next batch boundary. Idempotent; any thread.
+    pub fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether [`Self::raise`] was called.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// The flag itself, for a signal handler that may do nothing but store a bool.
+    #[must_use]
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
+    }
+}
+
+/// The listener and the stop flag of one job.
+pub struct Monitor<'a> {
+    /// Listener.
+    pub observer: &'a dyn Observer,
+    /// Stop flag.
+    pub cancel: Cancel,
+}
+
+impl<'a> Monitor<'a> {
+    /// A monitor that reports to nobody and is never cancelled.
+    #[must_use]
+    pub fn silent() -> Monitor<'static> {
+        Monitor { observer: &(), cancel: Cancel::default() }
+    }
+
+    /// Starts counting one pass over `total` records.
+    #[must_use]
+    pub fn meter(&'a self, stage: StageId, total: Option<u64>) -> Meter<'a> {
+        self.observer.on(&Event::Started { stage, total });
+        Meter { monitor: self, stage, done: AtomicU64::new(0), total }
+    }
+}
+
+/// Records between two events.
+const STEP: u64 = 1 << 16;
+
+/// Counts records, reports them, and notices cancellation: one call for all three,
+/// so that no loop can report progress and forget to be stoppable. Worker threads share one.
+pub struct Meter<'a> {
+    monitor: &'a Monitor<'a>,
+    stage: StageId,
+    done: AtomicU64,
+    total: Option<u64>,
+}
+
+impl Meter<'_> {
+    /// Adds a batch.
+    ///
+    /// # Errors
+    /// [`Cancelled`] once the caller has raised the flag.
+    pub fn add(&self, records: u64) -> Result<(), Cancelled> {
+        let before = self.done.fetch_add(records, Ordering::Relaxed);
+        if self.monitor.cancel.is_raised() {
+            return Err(Cancelled(self.stage));
+        }
+        let done = before + records;
+        if before / STEP != done / STEP {
+            self.monitor.observer.on(&Event::Advanced { stage: self.stage, done });
+        }
+        Ok(())
+    }
+
+    /// Records counted so far.
+    #[must_use]
+    pub fn done(&self) -> u64 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    /// Ends the pass.
+    pub fn finish(self) {
+        let done = self.done();
+        debug_assert!(self.total.is_none_or(|total| total == done), "{}", self.stage);
+        self.monitor.observer.on(&Event::Finished { stage: self.stage, done });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[test]
+    fn events_are_few_monotone_and_complete() {
+        let seen = Mutex::new(Vec::new());
+        let observer = |event: &Event| seen.lock().unwrap().push(event.clone());
+        let monitor = Monitor { observer: &observer, cancel: Cancel::default() };
+        let meter = monitor.meter(StageId::Sort, Some(300_000));
+        for _ in 0..3000 {
+            meter.add(100).unwrap();
+        }
+        meter.finish();
+        let seen = seen.into_inner().unwrap();
+        assert!(matches!(seen[0], Event::Started { total: Some(300_000), .. }));
+        assert!(matches!(seen[seen.len() - 1], Event::Finished { done: 300_000, .. }));
+        assert_eq!(seen.len(), 2 + 4);
+    }
+
+    #[test]
+    fn a_raised_flag_stops_the_next_batch() {
+        let monitor = Monitor::silent();
+        let meter = monitor.meter(StageId::Sort, Some(2));
+        meter.add(1).unwrap();
+        monitor.cancel.raise();
+        assert_eq!(meter.add(1), Err(Cancelled(StageId::Sort)));
+    }
+}

@@ -1,0 +1,22 @@
+//! Bytes on disk: fixed-size records in finished files, the workspace they live in, the memory
+//! they may take, and output files that appear under their name only when complete.
+
+mod budget;
+mod mapped;
+mod output;
+mod record;
+mod scanner;
+mod workspace;
+mod writer;
+
+pub use budget::{Budget, Reservation};
+pub use mapped::MappedRecords;
+pub use output::{OutputFile, Overwrite, open_input};
+pub use record::{Record, RecordFile};
+pub use scanner::RecordScanner;
+pub use workspace::{Workspace, available_disk_bytes};
+pub use writer::RecordWriter;
+
+/// Bytes per `read()` and `write()` of our own files. Measured: 256 KiB to 1 MiB is the plateau;
+/// 8 KiB and 8 MiB are about three times slower.
+pub const IO_BLOCK_BYTES: usize = 1 << 18;

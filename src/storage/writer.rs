@@ -1,0 +1,191 @@
+//! Writes a record file, front to back.
+
+use std::{fs::File, io::Write as _, marker::PhantomData, os::unix::fs::FileExt as _, sync::Arc};
+
+use rustix::fs::{FallocateFlags, fallocate};
+use zerocopy::IntoBytes as _;
+
+use super::{
+    IO_BLOCK_BYTES, Record, RecordFile, Workspace,
+    record::{HEADER_BYTES, Header, OwnedFile},
+};
+use crate::error::{IoContext as _, Result};
+
+/// Appends records to a new file of the workspace. The file counts as finished, and may be read,
+/// only after [`Self::finish`]; dropped before that, it is removed.
+pub struct RecordWriter<R> {
+    file: File,
+    /// Grows `bytes` as it is written to.
+    owned: OwnedFile,
+    buffer: Vec<u8>,
+    checksum: crc32fast::Hasher,
+    count: u64,
+    marker: PhantomData<R>,
+}
+
+impl<R: Record> RecordWriter<R> {
+    /// Creates `name` in `workspace`. With `count_expected` the disk space is allocated first, so
+    /// that a full disk is an early, clean error.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] when the file cannot be made or the disk is full.
+    pub fn create(workspace: &Workspace, name: &str, count_expected: Option<u64>) -> Result<Self> {
+        let path = workspace.new_path(name);
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .open(&path)
+            .at("create", &path)?;
+        let disk = workspace.disk();
+        let owned = OwnedFile { path, bytes: 0, disk };
+        if let Some(bytes) = count_expected.and_then(|n| n.checked_mul(size_of::<R>() as u64)) {
+            allocate(&file, bytes + HEADER_BYTES as u64).at("allocate", &owned.path)?;
+        }
+        let mut buffer = Vec::with_capacity(IO_BLOCK_BYTES + size_of::<R>());
+        buffer.resize(HEADER_BYTES, 0);
+        let checksum = crc32fast::Hasher::new();
+        Ok(Self { file, owned, buffer, checksum, count: 0, marker: PhantomData })
+    }
+
+    /// Appends one record.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] when the disk does not take it.
+    pub fn push(&mut self, record: &R) -> Result<()> {
+        self.buffer.extend_from_slice(record.as_bytes());
+        self.count += 1;
+        if self.buffer.len() >= IO_BLOCK_BYTES {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Appends records in order.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn extend(&mut self, records: &[R]) -> Result<()> {
+        let mut bytes = records.as_bytes();
+        self.count += records.len() as u64;
+        while !bytes.is_empty() {
+            let room = IO_BLOCK_BYTES.saturating_sub(self.buffer.len()).max(1);
+            let (now, later) = bytes.split_at(room.min(bytes.len()));
+            self.buffer.extend_from_slice(now);
+            bytes = later;
+            if self.buffer.len() >= IO_BLOCK_BYTES {
+                self.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records appended so far.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Writes the header and hands the file over for reading.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn finish(mut self) -> Result<RecordFile<R>> {
+        self.flush()?;
+        let header = Header::of::<R>(self.count, self.checksum.finalize());
+        self.file.write_all_at(header.as_bytes(), 0).at("write", &self.owned.path)?;
+        // Gives back what was allocated and not needed.
+        self.file.set_len(self.owned.bytes).at("truncate", &self.owned.path)?;
+        header.check::<R>(&self.owned.path, self.owned.bytes)?;
+        Ok(RecordFile { file: Arc::new(self.owned), count: self.count, marker: PhantomData })
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        // The place of the header passes through the buffer once, outside the checksum.
+        let skip = if self.owned.bytes == 0 { HEADER_BYTES } else { 0 };
+        self.checksum.update(&self.buffer[skip..]);
+        self.file.write_all(&self.buffer).at("write", &self.owned.path)?;
+        self.owned.bytes += self.buffer.len() as u64;
+        self.owned.disk.take(self.buffer.len() as u64);
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+/// Reserves disk space for `file`; file systems that cannot are left to fail at the write.
+pub(super) fn allocate(file: &File, bytes: u64) -> rustix::io::Result<()> {
+    match fallocate(file, FallocateFlags::KEEP_SIZE, 0, bytes.max(1)) {
+        Err(rustix::io::Errno::OPNOTSUPP | rustix::io::Errno::NOSYS) => Ok(()),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, io::Read as _, os::unix::fs::FileExt as _};
+
+    use super::*;
+    use crate::error::Error;
+
+    fn workspace() -> Workspace {
+        Workspace::for_test()
+    }
+
+    #[test]
+    fn records_come_back_in_order() {
+        let workspace = workspace();
+        let mut writer = RecordWriter::<u64>::create(&workspace, "numbers", Some(100_000)).unwrap();
+        writer.extend(&(0..99_999).collect::<Vec<u64>>()).unwrap();
+        writer.push(&99_999).unwrap();
+        let file = writer.finish().unwrap();
+        assert_eq!(file.count(), 100_000);
+        assert_eq!(file.read_all().unwrap(), (0..100_000).collect::<Vec<u64>>());
+        assert_eq!(
+            file.scan_range(70_000, 2).unwrap().next_batch().unwrap(),
+            Some(&[70_000, 70_001][..])
+        );
+    }
+
+    #[test]
+    fn an_unfinished_file_leaves_nothing() {
+        let workspace = workspace();
+        let mut writer = RecordWriter::<u64>::create(&workspace, "numbers", None).unwrap();
+        writer.extend(&[1; 100_000]).unwrap();
+        let path = writer.owned.path.clone();
+        assert!(path.exists() && workspace.disk_bytes() > 0);
+        drop(writer);
+        assert!(!path.exists());
+        assert_eq!(workspace.disk_bytes(), 0);
+    }
+
+    #[test]
+    fn a_flipped_bit_is_found_at_the_end_of_the_scan() {
+        let workspace = workspace();
+        let mut writer = RecordWriter::<u64>::create(&workspace, "numbers", None).unwrap();
+        writer.extend(&[7; 1000]).unwrap();
+        let file = writer.finish().unwrap();
+        let disk = File::options().write(true).open(file.path()).unwrap();
+        disk.write_all_at(&[6], HEADER_BYTES as u64 + 4000).unwrap();
+        assert!(matches!(file.read_all(), Err(Error::Damaged { .. })));
+    }
+
+    #[test]
+    fn a_torn_file_is_refused() {
+        let workspace = workspace();
+        let mut writer = RecordWriter::<u64>::create(&workspace, "numbers", None).unwrap();
+        writer.extend(&[7; 1000]).unwrap();
+        let file = writer.finish().unwrap();
+        let mut bytes = Vec::new();
+        fs::OpenOptions::new()
+            .read(true)
+            .open(file.path())
+            .unwrap()
+            .read_to_end(&mut bytes)
+            .unwrap();
+        for length in [0, 10, HEADER_BYTES, bytes.len() - 1] {
+            fs::write(file.path(), &bytes[..length]).unwrap();
+            assert!(matches!(file.scan(), Err(Error::Damaged { .. })), "{length} bytes");
+            assert!(matches!(file.map(), Err(Error::Damaged { .. })), "{length} bytes");
+        }
+    }
+}
