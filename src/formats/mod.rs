@@ -2,11 +2,14 @@
 //! standard input and is a fuzz target. Both directions speak [`Batch`].
 
 mod batch;
+pub mod cursor;
 mod fault;
 mod findings;
 mod format;
 mod origin;
 mod read;
+mod source;
+pub mod text;
 mod write;
 
 pub use batch::{Batch, Content, Faces};
@@ -15,6 +18,7 @@ pub use findings::{Defect, DefectKind, Findings};
 pub use format::Format;
 pub use origin::Origin;
 pub use read::{Declared, MeshReader, OnDefect, ReadOptions};
+pub use source::Source;
 pub use write::{Counts, MeshWriter, Precision, WriteOptions};
 
 /// Records a reader puts in one [`Batch`], about; chosen by hand: a batch of corners and
