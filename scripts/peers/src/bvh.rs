@@ -38,30 +38,15 @@ impl<P: Primitive> Bvh<P> {
         if primitives.is_empty() {
             return None;
         }
-        assert!(
-            u32::try_from(primitives.len()).is_ok(),
-            "indices are 32 bits wide"
-        );
-        #[expect(clippy::cast_possible_truncation, reason = "asserted above")]
+        assert!(u32::try_from(primitives.len()).is_ok(), "indices are 32 bits wide");
         let mut items: Vec<Item> = primitives
             .iter()
             .enumerate()
-            .map(|(i, p)| Item {
-                centre: centre(p),
-                index: i as u32,
-            })
+            .map(|(i, p)| Item { centre: centre(p), index: i as u32 })
             .collect();
         let mut nodes = vec![Node::default(); node_count(items.len())];
-        build(
-            primitives,
-            &mut items,
-            &mut nodes,
-            Place { node: 0, item: 0 },
-        );
-        let primitives = items
-            .iter()
-            .map(|item| primitives[item.index as usize])
-            .collect();
+        build(primitives, &mut items, &mut nodes, Place { node: 0, item: 0 });
+        let primitives = items.iter().map(|item| primitives[item.index as usize]).collect();
         Some(Self { primitives, nodes })
     }
 
@@ -75,10 +60,7 @@ impl<P: Primitive> Bvh<P> {
     #[must_use]
     pub fn diagonal(&self) -> f64 {
         let Node { min, max, .. } = self.nodes[0];
-        (0..3)
-            .map(|k| (f64::from(max[k]) - f64::from(min[k])).powi(2))
-            .sum::<f64>()
-            .sqrt()
+        (0..3).map(|k| (f64::from(max[k]) - f64::from(min[k])).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Returns the squared distance to the nearest primitive, and its index in
@@ -132,9 +114,7 @@ impl Node {
     fn distance_sq(&self, point: Point) -> f64 {
         let mut sum = 0.0;
         for (k, x) in point.into_iter().enumerate() {
-            let outside = (f64::from(self.min[k]) - x)
-                .max(x - f64::from(self.max[k]))
-                .max(0.0);
+            let outside = (f64::from(self.min[k]) - x).max(x - f64::from(self.max[k])).max(0.0);
             sum += outside * outside;
         }
         sum
@@ -160,51 +140,28 @@ fn node_count(items: usize) -> usize {
     2 * items.div_ceil(LEAF_COUNT) - 1
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "nodes and items number below 2³²"
-)]
 fn build<P: Primitive>(primitives: &[P], items: &mut [Item], nodes: &mut [Node], place: Place) {
     if items.len() <= LEAF_COUNT {
-        let corners = items
-            .iter()
-            .flat_map(|i| primitives[i.index as usize].corners());
+        let corners = items.iter().flat_map(|i| primitives[i.index as usize].corners());
         let (min, max) = bounds(corners);
-        nodes[0] = Node {
-            min,
-            max,
-            first: place.item as u32,
-            count: items.len() as u32,
-        };
+        nodes[0] = Node { min, max, first: place.item as u32, count: items.len() as u32 };
         return;
     }
     let (min, max) = bounds(items.iter().map(|item| &item.centre));
     let extent: [f32; 3] = std::array::from_fn(|k| max[k] - min[k]);
     let longest = if extent[0] >= extent[1] { 0 } else { 1 };
-    let axis = if extent[longest] >= extent[2] {
-        longest
-    } else {
-        2
-    };
+    let axis = if extent[longest] >= extent[2] { longest } else { 2 };
     let half = items.len().div_ceil(LEAF_COUNT).div_ceil(2) * LEAF_COUNT;
     items.select_nth_unstable_by(half, |a, b| {
-        a.centre[axis]
-            .total_cmp(&b.centre[axis])
-            .then(a.index.cmp(&b.index))
+        a.centre[axis].total_cmp(&b.centre[axis]).then(a.index.cmp(&b.index))
     });
 
     let (left_items, right_items) = items.split_at_mut(half);
     let (this, children) = nodes.split_at_mut(1);
     let left_nodes = node_count(half);
     let (left, right) = children.split_at_mut(left_nodes);
-    let left_place = Place {
-        node: place.node + 1,
-        item: place.item,
-    };
-    let right_place = Place {
-        node: left_place.node + left_nodes,
-        item: place.item + half,
-    };
+    let left_place = Place { node: place.node + 1, item: place.item };
+    let right_place = Place { node: left_place.node + left_nodes, item: place.item + half };
     if left_items.len() < PARALLEL_COUNT {
         build(primitives, left_items, left, left_place);
         build(primitives, right_items, right, right_place);
@@ -215,12 +172,7 @@ fn build<P: Primitive>(primitives: &[P], items: &mut [Item], nodes: &mut [Node],
         );
     }
     let (min, max) = bounds([&left[0].min, &left[0].max, &right[0].min, &right[0].max]);
-    this[0] = Node {
-        min,
-        max,
-        first: right_place.node as u32,
-        count: 0,
-    };
+    this[0] = Node { min, max, first: right_place.node as u32, count: 0 };
 }
 
 fn centre(primitive: &impl Primitive) -> [f32; 3] {
@@ -231,10 +183,7 @@ fn centre(primitive: &impl Primitive) -> [f32; 3] {
 fn bounds<'a>(points: impl IntoIterator<Item = &'a [f32; 3]>) -> ([f32; 3], [f32; 3]) {
     let empty = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     points.into_iter().fold(empty, |(min, max), p| {
-        (
-            std::array::from_fn(|k| min[k].min(p[k])),
-            std::array::from_fn(|k| max[k].max(p[k])),
-        )
+        (std::array::from_fn(|k| min[k].min(p[k])), std::array::from_fn(|k| max[k].max(p[k])))
     })
 }
 

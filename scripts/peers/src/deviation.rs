@@ -58,7 +58,6 @@ pub fn measure<P: Primitive>(
             let mut sums = Sums::default();
             let mut nearest = 0;
             for i in range {
-                #[expect(clippy::cast_precision_loss, reason = "far below 2⁵³ samples")]
                 let share = (i as f64 + random.unit()) / samples as f64;
                 let primitive = from.primitives()[shares.find(share)];
                 let point = primitive.point(random.unit(), random.unit());
@@ -71,7 +70,6 @@ pub fn measure<P: Primitive>(
         .collect();
     // One after the other, so that rounding does not depend on the threads.
     let sums = chunks.into_iter().fold(Sums::default(), Sums::join);
-    #[expect(clippy::cast_precision_loss, reason = "far below 2⁵³ samples")]
     let count = samples as f64;
     Some(Deviation {
         rms: (sums.squares / count).sqrt(),
@@ -100,11 +98,7 @@ impl Sums {
     }
 
     fn join(self, other: Self) -> Self {
-        let larger = if other.max_sq > self.max_sq {
-            &other
-        } else {
-            &self
-        };
+        let larger = if other.max_sq > self.max_sq { &other } else { &self };
         Self {
             distances: self.distances + other.distances,
             squares: self.squares + other.squares,
@@ -134,9 +128,7 @@ impl Shares {
     /// Returns the primitive at a place in `[0, 1)`, never one without measure.
     fn find(&self, share: f64) -> usize {
         let wanted = share * self.total();
-        self.0
-            .partition_point(|&end| end <= wanted)
-            .min(self.0.len() - 1)
+        self.0.partition_point(|&end| end <= wanted).min(self.0.len() - 1)
     }
 }
 

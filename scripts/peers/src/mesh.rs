@@ -47,11 +47,7 @@ impl Mesh {
     pub fn from_wide(points: &[[f64; 3]], triangles: Vec<[u32; 3]>, origin: Origin) -> Self {
         let origin = origin.resolve(points.first());
         let positions = points.iter().map(|p| narrow(*p, origin)).collect();
-        Self {
-            positions,
-            triangles,
-            origin,
-        }
+        Self { positions, triangles, origin }
     }
 
     /// Builds a mesh from `f32` coordinates, which are left alone unless the origin
@@ -68,11 +64,7 @@ impl Mesh {
                 *p = narrow(p.map(f64::from), origin);
             }
         }
-        Self {
-            positions,
-            triangles,
-            origin,
-        }
+        Self { positions, triangles, origin }
     }
 
     /// Returns the mesh if every index is in range and every coordinate finite.
@@ -103,6 +95,5 @@ impl Mesh {
 }
 
 fn narrow(point: [f64; 3], origin: [f64; 3]) -> [f32; 3] {
-    #[expect(clippy::cast_possible_truncation, reason = "narrowing is the purpose")]
     std::array::from_fn(|k| (point[k] - origin[k]) as f32)
 }

@@ -55,10 +55,7 @@ impl Primitive for Triangle {
         }
         // A triangle without area: it is its own outline.
         let edges = [[a, b], [b, c], [c, a]];
-        edges
-            .iter()
-            .map(|e| segment_distance_sq(p, e[0], e[1]))
-            .fold(f64::INFINITY, f64::min)
+        edges.iter().map(|e| segment_distance_sq(p, e[0], e[1])).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -121,11 +118,7 @@ fn nearest_on_triangle(p: Point, a: Point, b: Point, c: Point) -> Point {
 fn segment_distance_sq(p: Point, a: Point, b: Point) -> f64 {
     let (ab, ap) = (sub(b, a), sub(p, a));
     let length_sq = dot(ab, ab);
-    let t = if length_sq > 0.0 {
-        (dot(ap, ab) / length_sq).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let t = if length_sq > 0.0 { (dot(ap, ab) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
     let d = sub(p, add_scaled(a, t, ab));
     dot(d, d)
 }
@@ -139,11 +132,7 @@ fn sub(a: Point, b: Point) -> Point {
 }
 
 fn add_scaled(a: Point, scale: f64, b: Point) -> Point {
-    [
-        a[0] + scale * b[0],
-        a[1] + scale * b[1],
-        a[2] + scale * b[2],
-    ]
+    [a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]]
 }
 
 fn dot(a: Point, b: Point) -> f64 {
@@ -151,11 +140,7 @@ fn dot(a: Point, b: Point) -> f64 {
 }
 
 fn cross(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]
@@ -175,17 +160,11 @@ mod tests {
             let mut tried = f64::INFINITY;
             for i in 0..=100 {
                 for j in 0..=100 {
-                    let d = sub(
-                        p,
-                        triangle.point(f64::from(i) / 100.0, f64::from(j) / 100.0),
-                    );
+                    let d = sub(p, triangle.point(f64::from(i) / 100.0, f64::from(j) / 100.0));
                     tried = tried.min(dot(d, d).sqrt());
                 }
             }
-            assert!(
-                exact <= tried + 1e-12 && tried < exact + 0.3,
-                "{exact} {tried}"
-            );
+            assert!(exact <= tried + 1e-12 && tried < exact + 0.3, "{exact} {tried}");
         }
     }
 

@@ -23,16 +23,11 @@ impl Random {
     }
 
     /// Returns a number in `[0, 1)`.
-    #[expect(clippy::cast_precision_loss, reason = "53 bits are exact in f64")]
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
     /// Returns an index in `0..count` (the bias of at most `count / 2⁶⁴` is nothing).
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "below `count`, which is usize"
-    )]
     pub fn below(&mut self, count: usize) -> usize {
         ((u128::from(self.bits()) * count as u128) >> 64) as usize
     }

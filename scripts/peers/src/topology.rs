@@ -72,23 +72,13 @@ impl Welded {
         // Adding zero makes -0 and 0 the same bytes, by which positions are compared.
         let plain: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.map(|x| x + 0.0)).collect();
         if plain.is_empty() {
-            return Self {
-                positions: plain,
-                remap: Vec::new(),
-            };
+            return Self { positions: plain, remap: Vec::new() };
         }
         let (count, remap) = meshopt::generate_vertex_remap(&plain, None);
-        Self {
-            positions: meshopt::remap_vertex_buffer(&plain, count, &remap),
-            remap,
-        }
+        Self { positions: meshopt::remap_vertex_buffer(&plain, count, &remap), remap }
     }
 
     fn segment(&self, edge: u64) -> Segment {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "two halves packed by `edge`"
-        )]
         Segment([(edge >> 32) as u32, edge as u32].map(|v| self.positions[v as usize]))
     }
 }
@@ -110,10 +100,7 @@ const UNUSED: u32 = u32::MAX;
 
 impl Sets {
     fn new(count: usize) -> Self {
-        Self {
-            parents: vec![UNUSED; count],
-            count: 0,
-        }
+        Self { parents: vec![UNUSED; count], count: 0 }
     }
 
     fn find(&mut self, mut v: u32) -> u32 {
@@ -160,11 +147,7 @@ mod tests {
         positions.extend([at(5, 1), at(5, 0), at(6, 1), at(9, 9)]);
         positions.extend([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]);
         let triangles = vec![[0, 1, 2], [8, 9, 3], [5, 6, 4], [0, 0, 1]];
-        let mesh = Mesh {
-            positions,
-            triangles,
-            origin: [0.0; 3],
-        };
+        let mesh = Mesh { positions, triangles, origin: [0.0; 3] };
         let (topology, boundary) = examine(&mesh);
         let expected = Topology {
             triangles: 4,

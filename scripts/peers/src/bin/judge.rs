@@ -66,9 +66,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let b = examine(input::read(&arguments.b, Origin::At(origin))?, arguments);
     let diagonal = a.surface.as_ref().map_or(0.0, Bvh::diagonal);
     let surface = compare(a.surface.as_ref(), b.surface.as_ref(), arguments);
-    let boundary = arguments
-        .boundary
-        .then(|| compare(a.boundary.as_ref(), b.boundary.as_ref(), arguments));
+    let boundary =
+        arguments.boundary.then(|| compare(a.boundary.as_ref(), b.boundary.as_ref(), arguments));
     let mut report = json!({
         "a": topology_json(&a.topology),
         "b": topology_json(&b.topology),
@@ -91,30 +90,16 @@ fn run(arguments: &Arguments) -> Result<()> {
 
 fn examine(mesh: Mesh, arguments: &Arguments) -> Subject {
     let (topology, boundary) = topology::examine(&mesh);
-    let triangles: Vec<Triangle> = mesh
-        .triangles
-        .iter()
-        .map(|&t| Triangle(mesh.corners(t)))
-        .collect();
+    let triangles: Vec<Triangle> =
+        mesh.triangles.iter().map(|&t| Triangle(mesh.corners(t))).collect();
     drop(mesh);
-    let boundary = if arguments.boundary {
-        Bvh::new(&boundary)
-    } else {
-        None
-    };
-    Subject {
-        topology,
-        surface: Bvh::new(&triangles),
-        boundary,
-    }
+    let boundary = if arguments.boundary { Bvh::new(&boundary) } else { None };
+    Subject { topology, surface: Bvh::new(&triangles), boundary }
 }
 
 fn compare<P: Primitive>(a: Option<&Bvh<P>>, b: Option<&Bvh<P>>, with: &Arguments) -> Pair {
     let (Some(a), Some(b)) = (a, b) else {
-        return Pair {
-            a_to_b: None,
-            b_to_a: None,
-        };
+        return Pair { a_to_b: None, b_to_a: None };
     };
     Pair {
         a_to_b: deviation::measure(a, b, with.samples, with.seed),
@@ -134,10 +119,7 @@ fn topology_json(topology: &Topology) -> Value {
 }
 
 fn pair_json(pair: &Pair, origin: [f64; 3], diagonal: f64) -> Value {
-    let symmetric = pair
-        .a_to_b
-        .zip(pair.b_to_a)
-        .map(|(there, back)| there.symmetric(back));
+    let symmetric = pair.a_to_b.zip(pair.b_to_a).map(|(there, back)| there.symmetric(back));
     let one = |deviation: Option<Deviation>| {
         deviation.map(|d| {
             let max_at: Vec<f64> = d.max_at.iter().zip(origin).map(|(x, o)| x + o).collect();
@@ -165,35 +147,18 @@ fn print_text(report: &Value) {
         for (name, count) in counts {
             let (name_shown, other) = (name.replace('_', " "), &report["b"][name]);
             // As strings: a JSON value takes no notice of a width.
-            println!(
-                "{name_shown:<22}{:>14}{:>14}",
-                count.to_string(),
-                other.to_string()
-            );
+            println!("{name_shown:<22}{:>14}{:>14}", count.to_string(), other.to_string());
         }
     }
-    println!(
-        "diagonal of A: {:.6e}",
-        report["diagonal"].as_f64().unwrap_or(0.0)
-    );
+    println!("diagonal of A: {:.6e}", report["diagonal"].as_f64().unwrap_or(0.0));
     for part in ["surface", "boundary"] {
         if report[part].is_null() {
             continue;
         }
-        println!(
-            "\n{part:<11}{:>11}{:>11}{:>11}   relative to the diagonal",
-            "rms", "mean", "max"
-        );
+        println!("\n{part:<11}{:>11}{:>11}{:>11}   relative to the diagonal", "rms", "mean", "max");
         for way in ["a_to_b", "b_to_a", "symmetric"] {
             print!("{way:<11}");
-            for name in [
-                "rms",
-                "mean",
-                "max",
-                "rms_relative",
-                "mean_relative",
-                "max_relative",
-            ] {
+            for name in ["rms", "mean", "max", "rms_relative", "mean_relative", "max_relative"] {
                 match report[part][way][name].as_f64() {
                     Some(figure) => print!("{figure:>11.3e}"),
                     None => print!("{:>11}", "-"),

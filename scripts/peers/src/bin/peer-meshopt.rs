@@ -47,12 +47,6 @@ struct Target {
 impl Target {
     fn triangles(&self, of: usize) -> usize {
         let asked = match (self.target_ratio, self.target_faces) {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_precision_loss,
-                clippy::cast_sign_loss,
-                reason = "counts are far below 2⁵³, and a negative ratio asks for nothing"
-            )]
             (Some(ratio), _) => (of as f64 * ratio) as usize,
             (None, faces) => faces.unwrap_or(of),
         };
@@ -102,9 +96,7 @@ fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn read_stl(path: &Path) -> Result<Vec<[f32; 3]>> {
-    let corners = File::open(path)
-        .map_err(Into::into)
-        .and_then(input::stl::read_corners);
+    let corners = File::open(path).map_err(Into::into).and_then(input::stl::read_corners);
     corners.map_err(|error| format!("{}: {error}", path.display()).into())
 }
 
@@ -113,11 +105,7 @@ fn weld(corners: &[[f32; 3]]) -> Mesh {
     let positions = meshopt::remap_vertex_buffer(corners, vertex_count, &remap);
     // Without indices to map, the table is the index buffer.
     let triangles = bytemuck::cast_slice(&remap).to_vec();
-    Mesh {
-        positions,
-        triangles,
-        origin: [0.0; 3],
-    }
+    Mesh { positions, triangles, origin: [0.0; 3] }
 }
 
 fn simplify(mesh: &Mesh, method: Method, target: usize) -> Result<Mesh> {
@@ -137,11 +125,7 @@ fn simplify(mesh: &Mesh, method: Method, target: usize) -> Result<Mesh> {
     };
     let positions = meshopt::optimize_vertex_fetch(&mut indices, &mesh.positions);
     let triangles = bytemuck::cast_slice(&indices).to_vec();
-    Ok(Mesh {
-        positions,
-        triangles,
-        origin: mesh.origin,
-    })
+    Ok(Mesh { positions, triangles, origin: mesh.origin })
 }
 
 /// Measures the seconds between laps.

@@ -64,9 +64,5 @@ fn with_shuffled_vertices(mesh: &Mesh, mut triangles: Vec<[u32; 3]>, seed: u64) 
     for corner in triangles.as_flattened_mut() {
         *corner = old_to_new[*corner as usize];
     }
-    Ok(Mesh {
-        positions,
-        triangles,
-        origin: mesh.origin,
-    })
+    Ok(Mesh { positions, triangles, origin: mesh.origin })
 }

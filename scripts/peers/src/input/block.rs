@@ -18,12 +18,7 @@ pub struct BlockReader<R> {
 impl<R: Read> BlockReader<R> {
     /// Wraps a reader that has no buffer of its own.
     pub fn new(inner: R) -> Self {
-        Self {
-            inner,
-            buffer: vec![0; BLOCK_BYTES],
-            start: 0,
-            end: 0,
-        }
+        Self { inner, buffer: vec![0; BLOCK_BYTES], start: 0, end: 0 }
     }
 
     /// Returns what is at hand, which is at least `wanted` bytes unless the input

@@ -38,7 +38,5 @@ pub fn read(path: &Path, origin: Origin) -> Result<Mesh> {
 /// Returns the extension of a file name in lower case, empty if there is none.
 #[must_use]
 pub fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }

@@ -38,10 +38,7 @@ pub fn read(mut input: impl Read, origin: Origin) -> Result<Mesh> {
 
 /// Cuts a polygon into triangles around its first corner.
 pub fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
-    polygon
-        .windows(2)
-        .skip(1)
-        .map(|pair| [polygon[0], pair[0], pair[1]])
+    polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]])
 }
 
 fn point<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<[f64; 3]> {

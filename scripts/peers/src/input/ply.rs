@@ -43,24 +43,13 @@ enum Points {
 }
 
 fn read_points<R: Read>(values: &mut Values<R>, element: &Element) -> Result<Points> {
-    let place = |name| {
-        element
-            .position(&[name])
-            .ok_or(format!("vertices have no {name}"))
-    };
+    let place = |name| element.position(&[name]).ok_or(format!("vertices have no {name}"));
     let places = [place("x")?, place("y")?, place("z")?];
-    let float = places
-        .iter()
-        .all(|&p| element.properties[p].item == Scalar::F32);
+    let float = places.iter().all(|&p| element.properties[p].item == Scalar::F32);
     if let (Values::LittleEndian(reader), true, Some(record_bytes)) =
         (&mut *values, float, element.record_bytes())
     {
-        let offset = |place| {
-            element.properties[..place]
-                .iter()
-                .map(|p| p.item.size_bytes())
-                .sum()
-        };
+        let offset = |place| element.properties[..place].iter().map(|p| p.item.size_bytes()).sum();
         let points = read_float_points(reader, element.count, record_bytes, places.map(offset))?;
         return Ok(Points::Narrow(points));
     }
@@ -114,16 +103,8 @@ fn read_triangles<R: Read>(values: &mut Values<R>, element: &Element) -> Result<
     for _ in 0..element.count {
         values.record(element, &mut record)?;
         polygon.clear();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a negative index is made too large, which the range check finds"
-        )]
-        polygon.extend(
-            record[place]
-                .iter()
-                .map(|&v| if v < 0.0 { u32::MAX } else { v as u32 }),
-        );
+        // A negative index becomes one that is too large, which the range check finds.
+        polygon.extend(record[place].iter().map(|&v| if v < 0.0 { u32::MAX } else { v as u32 }));
         triangles.extend(fan(&polygon));
     }
     Ok(triangles)
@@ -245,12 +226,8 @@ impl<R: Read> Values<R> {
 fn next_word(text: &[u8], at: &mut usize) -> Result<f64> {
     let rest = &text[*at..];
     let blank = rest.iter().take_while(|b| b.is_ascii_whitespace()).count();
-    let length = rest[blank..]
-        .iter()
-        .take_while(|b| !b.is_ascii_whitespace())
-        .count();
+    let length = rest[blank..].iter().take_while(|b| !b.is_ascii_whitespace()).count();
     let word = std::str::from_utf8(&rest[blank..blank + length])?;
     *at += blank + length;
-    word.parse()
-        .map_err(|_| format!("{word:?} is not a number").into())
+    word.parse().map_err(|_| format!("{word:?} is not a number").into())
 }

@@ -71,17 +71,12 @@ pub struct Element {
 impl Element {
     /// Returns the bytes of a binary record, if all records have the same.
     pub fn record_bytes(&self) -> Option<usize> {
-        self.properties
-            .iter()
-            .map(|p| p.length.is_none().then(|| p.item.size_bytes()))
-            .sum()
+        self.properties.iter().map(|p| p.length.is_none().then(|| p.item.size_bytes())).sum()
     }
 
     /// Returns where a property stands in the record.
     pub fn position(&self, names: &[&str]) -> Option<usize> {
-        self.properties
-            .iter()
-            .position(|p| names.contains(&p.name.as_str()))
+        self.properties.iter().position(|p| names.contains(&p.name.as_str()))
     }
 }
 
@@ -113,9 +108,7 @@ pub fn read<R: Read>(reader: &mut BlockReader<R>) -> Result<Header> {
                 properties: Vec::new(),
             }),
             ["property", ref rest @ ..] => {
-                let element = elements
-                    .last_mut()
-                    .ok_or("a property precedes all elements")?;
+                let element = elements.last_mut().ok_or("a property precedes all elements")?;
                 element.properties.push(property(rest)?);
             }
             ["end_header"] => break,
@@ -123,10 +116,7 @@ pub fn read<R: Read>(reader: &mut BlockReader<R>) -> Result<Header> {
             _ => return Err(format!("the header line {line:?} is not understood").into()),
         }
     }
-    Ok(Header {
-        encoding: encoding.ok_or("the header has no format line")?,
-        elements,
-    })
+    Ok(Header { encoding: encoding.ok_or("the header has no format line")?, elements })
 }
 
 fn next_line<R: Read>(reader: &mut BlockReader<R>) -> Result<String> {
@@ -138,9 +128,7 @@ fn next_line<R: Read>(reader: &mut BlockReader<R>) -> Result<String> {
             None => wanted = bytes.len() + 1,
         }
     };
-    let line = String::from_utf8_lossy(&reader.need(length)?[..length])
-        .trim_end()
-        .to_owned();
+    let line = String::from_utf8_lossy(&reader.need(length)?[..length]).trim_end().to_owned();
     reader.consume(length + 1);
     Ok(line)
 }
@@ -160,9 +148,5 @@ fn property(words: &[&str]) -> Result<Property> {
         [item, name] => (None, item, name),
         _ => return Err(format!("the property {words:?} is not understood").into()),
     };
-    Ok(Property {
-        name: (*name).into(),
-        length,
-        item: Scalar::from_name(item)?,
-    })
+    Ok(Property { name: (*name).into(), length, item: Scalar::from_name(item)? })
 }
