@@ -2,20 +2,32 @@
 //! standard input and is a fuzz target. Both directions speak [`Batch`].
 
 mod batch;
+mod block;
+mod compression;
 pub mod cursor;
+mod detect;
 mod fault;
 mod findings;
 mod format;
+pub mod obj;
+mod open;
 mod origin;
+#[cfg(test)]
+mod probe;
 mod read;
+pub mod soup;
 mod source;
+pub mod stl;
 pub mod text;
+mod triangles;
 mod write;
 
 pub use batch::{Batch, Content, Faces};
+pub use compression::{Compression, Encoder};
 pub use fault::FormatError;
 pub use findings::{Defect, DefectKind, Findings};
 pub use format::Format;
+pub use open::{create, open};
 pub use origin::Origin;
 pub use read::{Declared, MeshReader, OnDefect, ReadOptions};
 pub use source::Source;

@@ -20,13 +20,13 @@ impl Origin {
 
     /// An origin to be chosen by the first vertex.
     #[must_use]
-    pub fn undecided() -> Self {
+    pub const fn undecided() -> Self {
         Self { chosen: None }
     }
 
     /// An origin known beforehand.
     #[must_use]
-    pub fn at(origin: [f64; 3]) -> Self {
+    pub const fn at(origin: [f64; 3]) -> Self {
         Self { chosen: Some(origin) }
     }
 
