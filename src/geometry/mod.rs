@@ -1,1 +1,5 @@
 //! Pure mathematics on `glam`: no files, no state.
+
+mod bounds;
+
+pub use bounds::Bounds;
