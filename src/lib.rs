@@ -17,6 +17,9 @@ pub mod storage;
 pub mod external;
 pub mod soup;
 
+// The steps of a job, each with a `Config`, an `Outcome` and one verb.
+pub mod stages;
+
 pub use error::{Error, Result};
 
 const _: () = assert!(usize::BITS == 64 && cfg!(target_endian = "little"), "64-bit little-endian");

@@ -1,0 +1,3 @@
+//! The stages of a job. They never name each other: they meet in the typed files of `soup/`.
+
+pub mod generate;
