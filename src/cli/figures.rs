@@ -1,0 +1,140 @@
+//! Numbers as people read them: counts, rates, spans of time and time stamps.
+
+use std::time::Duration;
+
+/// `1234567` → `1,234,567`.
+pub(super) fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::with_capacity(digits.len() * 4 / 3);
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Records per second in three digits: `38.6 M/s`.
+pub(super) fn rate(per_second: f64) -> String {
+    let (mut scaled, mut unit) = (per_second, "");
+    for larger in ["k", "M", "G", "T"] {
+        // What would round to four digits gets the next unit.
+        if scaled < 999.5 {
+            break;
+        }
+        scaled /= 1000.0;
+        unit = larger;
+    }
+    // Each bound is where rounding reaches the next number of digits.
+    let decimals = match (unit, scaled) {
+        ("", _) => 0,
+        (_, ..9.995) => 2,
+        (_, ..99.95) => 1,
+        _ => 0,
+    };
+    format!("{scaled:.decimals$} {unit}/s")
+}
+
+/// `3.2 s`, `48 s`, `12 min 05 s`, `3 h 07 min`.
+pub(super) fn span(span: Duration) -> String {
+    let seconds = span.as_secs_f64();
+    if seconds < 9.95 {
+        return format!("{seconds:.1} s");
+    }
+    let whole = seconds.round() as u64;
+    match whole {
+        0..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+/// Share of `done` in `total`, whole per cent rounded down: 100 % means all.
+pub(super) fn per_cent(done: u64, total: u64) -> u64 {
+    if total == 0 { 100 } else { (u128::from(done) * 100 / u128::from(total)) as u64 }
+}
+
+/// Seconds since 1970 as `2026-03-01T23:59:05Z`.
+pub(super) fn time_stamp(unix_seconds: u64) -> String {
+    let (days, second) = (unix_seconds / 86_400, unix_seconds % 86_400);
+    let (year, month, day) = date(days);
+    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+/// Year, month and day of the Gregorian calendar, `days` after 1 January 1970.
+fn date(days: u64) -> (u64, usize, u64) {
+    let is_leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
+    let (mut year, mut left) = (1970, days);
+    loop {
+        let length = if is_leap(year) { 366 } else { 365 };
+        if left < length {
+            break;
+        }
+        left -= length;
+        year += 1;
+    }
+    let february = if is_leap(year) { 29 } else { 28 };
+    let lengths = [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let mut month = 0;
+    while left >= lengths[month] {
+        left -= lengths[month];
+        month += 1;
+    }
+    (year, month + 1, left + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped_by_thousands() {
+        let texts = [0, 999, 1000, 1_234_567, u64::MAX].map(count);
+        assert_eq!(texts, ["0", "999", "1,000", "1,234,567", "18,446,744,073,709,551,615"]);
+    }
+
+    #[test]
+    fn rates_have_three_digits_and_a_unit() {
+        let texts = [0.0, 12.4, 999.4, 999.6, 38.6e6, 9.996e6, 99.96e3, 168.4e6, 2.5e9].map(rate);
+        let expected = [
+            "0 /s", "12 /s", "999 /s", "1.00 k/s", "38.6 M/s", "10.0 M/s", "100 k/s", "168 M/s",
+            "2.50 G/s",
+        ];
+        assert_eq!(texts, expected);
+    }
+
+    #[test]
+    fn spans_lose_what_does_not_matter() {
+        let spans = [0.0, 3.24, 9.96, 59.4, 59.6, 725.0, 3599.7, 11_220.0];
+        let texts = spans.map(|seconds| span(Duration::from_secs_f64(seconds)));
+        let expected = [
+            "0.0 s",
+            "3.2 s",
+            "10 s",
+            "59 s",
+            "1 min 00 s",
+            "12 min 05 s",
+            "1 h 00 min",
+            "3 h 07 min",
+        ];
+        assert_eq!(texts, expected);
+    }
+
+    #[test]
+    fn a_hundred_per_cent_means_all() {
+        assert_eq!([per_cent(999, 1000), per_cent(1000, 1000), per_cent(0, 0)], [99, 100, 100]);
+        assert_eq!(per_cent(u64::MAX / 2, u64::MAX), 49);
+    }
+
+    #[test]
+    fn time_stamps_know_leap_years() {
+        assert_eq!(time_stamp(0), "1970-01-01T00:00:00Z");
+        assert_eq!(time_stamp(951_782_400), "2000-02-29T00:00:00Z");
+        assert_eq!(time_stamp(1_709_251_199), "2024-02-29T23:59:59Z");
+        assert_eq!(time_stamp(1_767_225_600), "2026-01-01T00:00:00Z");
+    }
+}

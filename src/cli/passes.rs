@@ -1,0 +1,200 @@
+//! The passes of a job as its events tell them: those under way, and the time each stage took.
+//!
+//! It reads no clock: the time of an event comes with it.
+
+use std::time::Duration;
+
+use meshmill::progress::StageId;
+
+/// Time and records of one stage, all of its passes added up.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct StageTime {
+    /// Name of the stage.
+    pub(crate) name: &'static str,
+    /// Seconds from the start to the end of its passes.
+    pub(crate) seconds: f64,
+    /// Records its passes visited.
+    pub(crate) records: u64,
+}
+
+/// A pass under way, or at its end.
+#[derive(Clone, Debug)]
+pub(super) struct Pass {
+    /// Tells passes of one stage apart.
+    pub(super) serial: u64,
+    pub(super) stage: StageId,
+    pub(super) total: Option<u64>,
+    /// Never decreases.
+    pub(super) done: u64,
+    /// On the display's clock, as all times here.
+    pub(super) started_at: Duration,
+    /// When the display last said something of it.
+    pub(super) shown_at: Duration,
+}
+
+/// Figures of a pass at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Figures {
+    /// Since its start.
+    pub(super) elapsed: Duration,
+    /// Records per second since its start; 0 when no time has passed.
+    pub(super) per_second: f64,
+    /// Time to its end at that rate; `None` when the total or the rate is not known.
+    pub(super) left: Option<Duration>,
+}
+
+impl Pass {
+    /// Its figures at time `now`.
+    pub(super) fn figures(&self, now: Duration) -> Figures {
+        let elapsed = now.saturating_sub(self.started_at);
+        let seconds = elapsed.as_secs_f64();
+        let per_second = if seconds > 0.0 { self.done as f64 / seconds } else { 0.0 };
+        let left = self.total.map(|total| total.saturating_sub(self.done) as f64 / per_second);
+        // Division by a rate of 0 is no duration.
+        let left = left.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        Figures { elapsed, per_second, left }
+    }
+}
+
+/// All passes of a job.
+#[derive(Debug, Default)]
+pub(super) struct Passes {
+    under_way: Vec<Pass>,
+    /// In order of first start.
+    stages: Vec<StageTime>,
+    started: u64,
+}
+
+impl Passes {
+    /// A pass begins.
+    pub(super) fn start(&mut self, stage: StageId, total: Option<u64>, now: Duration) -> &Pass {
+        let name = stage.name();
+        if !self.stages.iter().any(|known| known.name == name) {
+            self.stages.push(StageTime { name, seconds: 0.0, records: 0 });
+        }
+        self.started += 1;
+        self.under_way.push(Pass {
+            serial: self.started,
+            stage,
+            total,
+            done: 0,
+            started_at: now,
+            shown_at: now,
+        });
+        &self.under_way[self.under_way.len() - 1]
+    }
+
+    /// `done` records are visited. Returns the pass when it was last shown `interval` or longer
+    /// ago, and takes it as shown now.
+    pub(super) fn advance(
+        &mut self,
+        stage: StageId,
+        done: u64,
+        now: Duration,
+        interval: Duration,
+    ) -> Option<&Pass> {
+        let index = self.find(stage)?;
+        let pass = &mut self.under_way[index];
+        // Threads that share a meter report in any order.
+        pass.done = pass.done.max(done);
+        if now.saturating_sub(pass.shown_at) < interval {
+            return None;
+        }
+        pass.shown_at = now;
+        Some(pass)
+    }
+
+    /// A pass ends. Returns it as it was at its end.
+    pub(super) fn finish(&mut self, stage: StageId, done: u64, now: Duration) -> Option<Pass> {
+        let index = self.find(stage)?;
+        let mut pass = self.under_way.remove(index);
+        pass.done = done;
+        let seconds = pass.figures(now).elapsed.as_secs_f64();
+        if let Some(time) = self.stages.iter_mut().find(|time| time.name == stage.name()) {
+            time.seconds += seconds;
+            time.records += done;
+        }
+        Some(pass)
+    }
+
+    /// What every finished pass took, by stage.
+    pub(super) fn stages(&self) -> Vec<StageTime> {
+        self.stages.clone()
+    }
+
+    /// The pass of `stage` that began last: events do not say which of several they mean.
+    fn find(&self, stage: StageId) -> Option<usize> {
+        self.under_way.iter().rposition(|pass| pass.stage == stage)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn rate_and_time_left_come_from_the_whole_pass() {
+        let mut passes = Passes::default();
+        passes.start(StageId::Sort, Some(1000), 10 * SECOND);
+        let pass = passes.advance(StageId::Sort, 250, 15 * SECOND, SECOND).unwrap();
+        let figures = pass.figures(15 * SECOND);
+        assert_eq!(figures.elapsed, 5 * SECOND);
+        assert_eq!(figures.per_second, 50.0);
+        assert_eq!(figures.left, Some(15 * SECOND));
+    }
+
+    #[test]
+    fn without_a_total_or_progress_nobody_knows_the_end() {
+        let mut passes = Passes::default();
+        let pass = passes.start(StageId::Import, None, SECOND);
+        assert_eq!(pass.figures(2 * SECOND).left, None);
+        let pass = passes.start(StageId::Sort, Some(10), SECOND);
+        assert_eq!(pass.figures(SECOND).left, None);
+        assert_eq!(pass.figures(2 * SECOND).left, None);
+    }
+
+    #[test]
+    fn a_pass_is_shown_once_an_interval() {
+        let mut passes = Passes::default();
+        passes.start(StageId::Sort, None, Duration::ZERO);
+        let mut shown = Vec::new();
+        for tenth in 1..=100 {
+            let now = Duration::from_millis(tenth * 100);
+            if passes.advance(StageId::Sort, tenth, now, 3 * SECOND).is_some() {
+                shown.push(tenth);
+            }
+        }
+        assert_eq!(shown, [30, 60, 90]);
+    }
+
+    #[test]
+    fn records_never_go_back() {
+        let mut passes = Passes::default();
+        passes.start(StageId::Sort, None, Duration::ZERO);
+        passes.advance(StageId::Sort, 500, SECOND, SECOND);
+        let pass = passes.advance(StageId::Sort, 400, 2 * SECOND, SECOND).unwrap();
+        assert_eq!(pass.done, 500);
+    }
+
+    #[test]
+    fn passes_of_a_stage_add_up_in_order_of_first_start() {
+        let mut passes = Passes::default();
+        for (stage, start, end) in
+            [(StageId::Import, 0, 1), (StageId::Cluster, 1, 4), (StageId::Import, 4, 6)]
+        {
+            passes.start(stage, None, start * SECOND);
+            passes.finish(stage, 100, end * SECOND).unwrap();
+        }
+        let time = |name, seconds, records| StageTime { name, seconds, records };
+        assert_eq!(passes.stages(), [time("import", 3.0, 200), time("cluster", 3.0, 100)]);
+    }
+
+    #[test]
+    fn an_end_without_a_beginning_is_ignored() {
+        let mut passes = Passes::default();
+        assert!(passes.finish(StageId::Sort, 1, SECOND).is_none());
+        assert!(passes.advance(StageId::Sort, 1, SECOND, SECOND).is_none());
+    }
+}
