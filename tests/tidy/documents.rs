@@ -105,6 +105,19 @@ fn every_document_is_linked_from_where_a_reader_starts() {
 }
 
 #[test]
+fn every_link_leads_to_a_file() {
+    let mut faults = Vec::new();
+    for (path, text) in documents() {
+        for target in linked_files(&path, &text) {
+            if !root().join(&target).exists() {
+                faults.push(format!("{path}: there is no {target}"));
+            }
+        }
+    }
+    expect_none(&faults);
+}
+
+#[test]
 fn nothing_in_the_documents_is_left_to_be_written() {
     let unfinished = ["TODO", "FIXME", "TBD"];
     let faults: Vec<String> = documents()
