@@ -69,6 +69,12 @@ impl Findings {
         }
     }
 
+    /// Counts one more defect of `kind`; its place is worked out only when it is the first.
+    pub fn add_one(&mut self, kind: DefectKind, at: impl FnOnce() -> Position) {
+        let is_first = self.count(kind) == 0;
+        self.add(kind, 1, if is_first { at() } else { Position::default() });
+    }
+
     /// Names an attribute as not carried, once.
     pub fn drop_attribute(&mut self, name: &str) {
         if !self.dropped.iter().any(|known| known == name) {

@@ -10,8 +10,10 @@ mod fault;
 mod findings;
 mod format;
 pub mod obj;
+pub mod off;
 mod open;
 mod origin;
+pub mod ply;
 #[cfg(test)]
 mod probe;
 mod read;

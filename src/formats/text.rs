@@ -15,6 +15,15 @@ const LINE_BYTES_MAX: usize = 16 << 20;
 /// Longest word. Chosen by hand: no number needs a hundredth of it.
 const WORD_BYTES_MAX: usize = 64 << 10;
 
+/// What [`Text::skip_line`] passed over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Skipped {
+    /// Blanks at most.
+    Nothing,
+    /// One word or more.
+    Words,
+}
+
 /// A text read once, front to back. Lines end in LF, CRLF or CR.
 pub struct Text {
     source: Source,
@@ -149,14 +158,55 @@ impl Text {
         self.word_at = offset;
     }
 
-    /// The fault of finding what stands at the next word instead of `expected`.
+    /// Moves to the end of the line the next word would stand in; whether there was a word.
     ///
     /// # Errors
-    /// When the input cannot be read.
+    /// As [`Self::cursor`].
+    pub fn skip_line(&mut self) -> Result<Skipped> {
+        let mut skipped = Skipped::Nothing;
+        loop {
+            let rest = &self.source.buffered()[self.word_at..self.words_end];
+            let end = memchr::memchr2(b'\n', b'\r', rest);
+            let line = &rest[..end.unwrap_or(rest.len())];
+            if !line.iter().copied().all(is_white) {
+                skipped = Skipped::Words;
+            }
+            self.word_at += line.len();
+            if end.is_some() || !self.gather_words()? {
+                return Ok(skipped);
+            }
+        }
+    }
+
+    /// Whether no word follows in the line of the last one; a comment begun by `#` is none.
+    ///
+    /// # Errors
+    /// As [`Self::cursor`].
+    pub fn is_line_end(&mut self) -> Result<bool> {
+        loop {
+            let mut cursor = Cursor::new(&self.source.buffered()[..self.words_end], self.word_at);
+            cursor.skip_blanks();
+            self.word_at = cursor.offset();
+            match cursor.peek() {
+                Some(byte) => return Ok(matches!(byte, b'\n' | b'\r' | b'#')),
+                None if self.gather_words()? => {}
+                None => return Ok(true),
+            }
+        }
+    }
+
+    /// The fault of finding what stands at the next word instead of `expected`, or of the end of
+    /// the input inside `inside`.
     #[cold]
-    pub fn word_fault(&mut self, expected: &'static str) -> Result<FormatError> {
-        let fault = self.cursor()?.fault(expected);
-        Ok(FormatError::input(self.word_place(), fault))
+    pub fn word_fault(&mut self, expected: &'static str, inside: &'static str) -> FormatError {
+        match self.cursor() {
+            Ok(cursor) if cursor.peek().is_none() => self.source.truncated(inside),
+            Ok(cursor) => {
+                let fault = cursor.fault(expected);
+                FormatError::input(self.word_place(), fault)
+            }
+            Err(error) => error,
+        }
     }
 
     /// Brings more whole words; `false` when there are none.
