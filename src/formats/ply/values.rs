@@ -158,8 +158,22 @@ impl Values for Ascii {
 
     #[inline]
     fn indices(&mut self, _scalar: Scalar, count: usize, out: &mut Vec<u64>) -> Result<()> {
-        for _ in 0..count {
-            out.push(self.word("an index", |cursor| cursor.integer())? as u64);
+        let mut left = count;
+        while left > 0 {
+            // As many as are at hand, then one that brings more text or is a fault.
+            let mut cursor = self.text.cursor()?;
+            while left > 0 {
+                let Some(index) = cursor.integer() else { break };
+                out.push(index as u64);
+                cursor.skip_white();
+                left -= 1;
+            }
+            let offset = cursor.offset();
+            self.text.set_cursor(offset);
+            if left > 0 {
+                out.push(self.word("an index", |cursor| cursor.integer())? as u64);
+                left -= 1;
+            }
         }
         Ok(())
     }
