@@ -4,7 +4,8 @@ use std::io::{self, BufRead, Read as _, Write};
 
 use super::{
     Compression, Counts, Format, FormatError, MeshReader, MeshWriter, ReadOptions, Source,
-    WriteOptions, compression, detect, fault::Result, obj, soup, stl, text::skip_byte_order_mark,
+    WriteOptions, compression, detect, fault::Result, obj, off, ply, soup, stl,
+    text::skip_byte_order_mark,
 };
 use crate::error::{Fault, Position};
 
@@ -40,7 +41,8 @@ pub fn open(
         Format::Stl => stl::open(source, &options)?,
         Format::Obj => Box::new(obj::Reader::open(source, &options)?),
         Format::Soup => Box::new(soup::Reader::open(source, &options)?),
-        Format::Ply | Format::Off => return Err(at_start(Fault::Unsupported("this format"))),
+        Format::Ply => Box::new(ply::Reader::open(source, &options)?),
+        Format::Off => Box::new(off::Reader::open(source, &options)?),
     })
 }
 
@@ -61,7 +63,7 @@ pub fn create(
         Format::Stl => Box::new(stl::Writer::new(output, triangles, options)?),
         Format::Obj => Box::new(obj::Writer::new(output, options)?),
         Format::Soup => Box::new(soup::Writer::new(output, triangles, None, options)?),
-        Format::Ply => return Err(at_start(Fault::Unsupported("this format"))),
+        Format::Ply => Box::new(ply::Writer::new(output, counts.unwrap_or_default(), options)?),
         Format::Off => return Err(at_start(Fault::Unsupported("writing OFF"))),
     })
 }
