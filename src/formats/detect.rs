@@ -66,7 +66,7 @@ fn binary_stl(head: &[u8]) -> bool {
     let mut numbers = numbers.iter().map(|&bytes| f32::from_le_bytes(bytes));
     let length_sq: f32 = numbers.by_ref().take(3).map(|n| n * n).sum();
     (length_sq == 0.0 || (length_sq - 1.0).abs() < 0.1)
-        && numbers.take(9).all(|n| n == 0.0 || n.is_finite() && n.abs() > 1e-30)
+        && numbers.take(9).all(|n| n == 0.0 || n.is_normal())
 }
 
 #[cfg(test)]

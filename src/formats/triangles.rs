@@ -1,7 +1,12 @@
 //! Triangles of a fixed number of bytes behind a header, as binary STL and our own soup have
 //! them: their places, what their count can be, and what happens to bad ones.
 
-use super::{Batch, DefectKind, Findings, FormatError, OnDefect, Source, fault::Result};
+use std::ops::Range;
+
+use super::{
+    BATCH_RECORDS, Batch, Content, DefectKind, Findings, FormatError, OnDefect, Source,
+    fault::Result,
+};
 use crate::error::{Fault, Position};
 
 /// Where the triangles of a file are.
@@ -50,6 +55,15 @@ impl Layout {
         FormatError::input(end, Fault::Truncated { inside: "a triangle" })
     }
 
+    /// Makes room for a full batch of triangles, to be filled from the front and truncated. What
+    /// the batch holds is left as it is: setting it to zero first would cost as much as filling it.
+    pub(super) fn make_room(batch: &mut Batch, colors: bool) {
+        batch.content = Content::Soup;
+        batch.positions.resize(3 * BATCH_RECORDS, [0.0; 3]);
+        batch.colors.resize(if colors { 3 * BATCH_RECORDS } else { 0 }, [0; 4]);
+        batch.faces.clear();
+    }
+
     /// The next whole triangles of `source`, at most `triangles_max`, one at least; `None` when
     /// there is none, though perhaps a part of one.
     pub(super) fn next_piece(
@@ -62,24 +76,24 @@ impl Layout {
         Ok((triangles > 0).then(|| &block[..triangles as usize * self.triangle_bytes]))
     }
 
-    /// Applies the policy to the triangles of `batch` from `start` on, of which the first is
-    /// number `first` in the file.
+    /// Applies the policy to the triangles in `range` of `batch`, of which the first is number
+    /// `first` in the file; answers where the ones that stay end.
     ///
     /// # Errors
     /// [`Fault::NotFinite`] at the first bad triangle under [`OnDefect::Fail`].
     pub(super) fn sift(
         self,
         batch: &mut Batch,
-        start: usize,
+        range: Range<usize>,
         first: u64,
         on_defect: OnDefect,
         findings: &mut Findings,
-    ) -> Result<()> {
-        if are_finite(batch.positions[3 * start..].as_flattened()) {
-            return Ok(());
+    ) -> Result<usize> {
+        if are_finite(batch.positions[3 * range.start..3 * range.end].as_flattened()) {
+            return Ok(range.end);
         }
-        let mut kept = start;
-        for triangle in start..batch.positions.len() / 3 {
+        let mut kept = range.start;
+        for triangle in range.clone() {
             let corners = 3 * triangle..3 * triangle + 3;
             if are_finite(batch.positions[corners.clone()].as_flattened()) {
                 if !batch.colors.is_empty() {
@@ -89,15 +103,13 @@ impl Layout {
                 kept += 1;
                 continue;
             }
-            let at = self.place(first + (triangle - start) as u64);
+            let at = self.place(first + (triangle - range.start) as u64);
             if on_defect == OnDefect::Fail {
                 return Err(FormatError::input(at, Fault::NotFinite));
             }
             findings.add(DefectKind::NotFinite, 1, at);
         }
-        batch.positions.truncate(3 * kept);
-        batch.colors.truncate(3 * kept);
-        Ok(())
+        Ok(kept)
     }
 }
 
@@ -120,7 +132,6 @@ fn are_finite(numbers: &[f32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formats::Content;
 
     const LAYOUT: Layout = Layout { header_bytes: 100, triangle_bytes: 10 };
 
@@ -146,12 +157,12 @@ mod tests {
         batch.positions[6][0] = f32::INFINITY;
         batch.colors = (0..12).map(|corner| [corner; 4]).collect();
         let mut findings = Findings::default();
-        let error = LAYOUT.sift(&mut batch, 0, 7, OnDefect::Fail, &mut findings).unwrap_err();
+        let error = LAYOUT.sift(&mut batch, 0..4, 7, OnDefect::Fail, &mut findings).unwrap_err();
         assert!(matches!(error, FormatError::Input(fault) if fault.at.record == Some(8)));
-        LAYOUT.sift(&mut batch, 0, 7, OnDefect::Skip, &mut findings).unwrap();
+        let kept = LAYOUT.sift(&mut batch, 0..4, 7, OnDefect::Skip, &mut findings).unwrap();
         assert_eq!(findings.count(DefectKind::NotFinite), 2);
-        assert_eq!(batch.count(), 2);
-        let left: Vec<u8> = batch.colors.iter().map(|color| color[0]).collect();
+        assert_eq!(kept, 2);
+        let left: Vec<u8> = batch.colors[..6].iter().map(|color| color[0]).collect();
         assert_eq!(left, [0, 1, 2, 9, 10, 11]);
     }
 }

@@ -131,7 +131,11 @@ impl Parser {
                 }
                 return stop;
             }
-            cursor.skip_line();
+            if cursor.peek() == Some(b'\n') {
+                cursor.advance(1);
+            } else {
+                cursor.skip_line();
+            }
             if batch.count() >= BATCH_RECORDS {
                 return Stop::BatchDone;
             }

@@ -6,8 +6,8 @@ use super::header::{HEADER_BYTES, Header, MAGIC, Trailer};
 use crate::{
     error::{Fault, Position},
     formats::{
-        BATCH_RECORDS, Batch, Content, Declared, DefectKind, Findings, FormatError, MeshReader,
-        OnDefect, Origin, ReadOptions, Source,
+        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, FormatError, MeshReader, OnDefect,
+        Origin, ReadOptions, Source,
         cursor::shorten,
         fault::Result,
         triangles::{Layout, shift_all},
@@ -75,8 +75,9 @@ impl Reader {
         })
     }
 
-    /// Copies triangles that are at hand into the batch, at most `wanted`; answers how many.
-    fn take_piece(&mut self, batch: &mut Batch, wanted: u64) -> Result<u64> {
+    /// Copies triangles that are at hand into the batch, from triangle `start` on, at most
+    /// `wanted`; answers how many.
+    fn take_piece(&mut self, batch: &mut Batch, start: usize, wanted: u64) -> Result<usize> {
         let triangle_bytes = self.layout.triangle_bytes;
         let bytes = if self.declared.faces.is_some() {
             self.layout.next_piece(&mut self.source, wanted)?.unwrap_or_default()
@@ -88,17 +89,17 @@ impl Reader {
             self.checksum.update(bytes);
             bytes
         };
-        let start = batch.positions.len();
+        let (length, triangles) = (bytes.len(), bytes.len() / triangle_bytes);
+        let corners = 3 * start..3 * (start + triangles);
+        let positions = &mut batch.positions[corners.clone()];
         if self.declared.colors {
-            decode_colored(bytes, batch);
+            decode_colored(bytes, positions, &mut batch.colors[corners]);
         } else {
-            batch.positions.resize(start + bytes.len() / 12, [0.0; 3]);
-            batch.positions[start..].as_mut_bytes().copy_from_slice(bytes);
+            positions.as_mut_bytes().copy_from_slice(bytes);
         }
-        shift_all(&mut batch.positions[start..], self.shift);
-        let length = bytes.len();
+        shift_all(positions, self.shift);
         self.source.consume(length);
-        Ok((length / triangle_bytes) as u64)
+        Ok(triangles)
     }
 
     /// Looks at what is left when no triangle is, or none is wanted.
@@ -138,21 +139,24 @@ impl MeshReader for Reader {
     }
 
     fn read_batch(&mut self, batch: &mut Batch) -> Result<bool> {
-        batch.reset(Content::Soup);
-        while !self.ended && batch.positions.len() < 3 * BATCH_RECORDS {
-            let start = batch.positions.len() / 3;
+        Layout::make_room(batch, self.declared.colors);
+        let mut filled = 0;
+        while !self.ended && filled < BATCH_RECORDS {
             let left = self.declared.faces.map_or(u64::MAX, |count| count - self.taken);
-            let taken = self.take_piece(batch, left.min((BATCH_RECORDS - start) as u64))?;
+            let wanted = left.min((BATCH_RECORDS - filled) as u64);
+            let taken = self.take_piece(batch, filled, wanted)?;
             if taken == 0 {
                 self.finish()?;
                 self.ended = true;
                 break;
             }
-            let (first, on_defect) = (self.taken, self.on_defect);
-            self.layout.sift(batch, start, first, on_defect, &mut self.findings)?;
-            self.taken += taken;
+            let (range, first) = (filled..filled + taken, self.taken);
+            filled = self.layout.sift(batch, range, first, self.on_defect, &mut self.findings)?;
+            self.taken += taken as u64;
         }
-        Ok(batch.count() > 0)
+        batch.positions.truncate(3 * filled);
+        batch.colors.truncate(3 * filled);
+        Ok(filled > 0)
     }
 
     fn findings(&self) -> &Findings {
@@ -168,14 +172,10 @@ impl MeshReader for Reader {
     }
 }
 
-/// Appends corners of 16 bytes each.
-fn decode_colored(bytes: &[u8], batch: &mut Batch) {
+/// Takes corners of 16 bytes apart.
+fn decode_colored(bytes: &[u8], positions: &mut [[f32; 3]], colors: &mut [[u8; 4]]) {
     let (corners, _) = bytes.as_chunks::<16>();
-    let start = batch.positions.len();
-    batch.positions.resize(start + corners.len(), [0.0; 3]);
-    batch.colors.resize(start + corners.len(), [0; 4]);
-    let places = batch.positions[start..].iter_mut().zip(&mut batch.colors[start..]);
-    for (corner, (position, color)) in corners.iter().zip(places) {
+    for (corner, (position, color)) in corners.iter().zip(positions.iter_mut().zip(colors)) {
         position.as_mut_bytes().copy_from_slice(&corner[..12]);
         color.copy_from_slice(&corner[12..]);
     }

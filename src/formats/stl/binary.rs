@@ -1,13 +1,13 @@
 //! Reads binary STL.
 
-use zerocopy::FromBytes as _;
+use zerocopy::IntoBytes as _;
 
 use super::{COUNT_BYTES, HEADER_BYTES, TRIANGLE_BYTES};
 use crate::{
     error::Position,
     formats::{
-        BATCH_RECORDS, Batch, Content, Declared, DefectKind, Findings, MeshReader, OnDefect,
-        Origin, ReadOptions, Source,
+        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, MeshReader, OnDefect, Origin,
+        ReadOptions, Source,
         fault::Result,
         triangles::{Layout, shift_all},
     },
@@ -91,28 +91,31 @@ impl MeshReader for Reader {
     }
 
     fn read_batch(&mut self, batch: &mut Batch) -> Result<bool> {
-        batch.reset(Content::Soup);
-        while batch.positions.len() < 3 * BATCH_RECORDS {
+        Layout::make_room(batch, false);
+        let mut filled = 0;
+        while filled < BATCH_RECORDS {
             let left = self.count.map_or(u64::MAX, |count| count - self.taken);
-            let start = batch.positions.len() / 3;
-            let wanted = left.min((BATCH_RECORDS - start) as u64);
+            let wanted = left.min((BATCH_RECORDS - filled) as u64);
             let Some(bytes) = LAYOUT.next_piece(&mut self.source, wanted)? else {
                 self.finish()?;
                 break;
             };
             let (records, _) = bytes.as_chunks::<TRIANGLE_BYTES>();
-            let attributes = decode(records, &mut batch.positions);
+            let range = filled..filled + records.len();
+            let positions = &mut batch.positions[3 * range.start..3 * range.end];
+            let attributes = decode(records, positions);
+            shift_all(positions, self.origin.get().map(|coordinate| 0.0 - coordinate));
             let (triangles, length) = (records.len() as u64, bytes.len());
             self.source.consume(length);
             if attributes != 0 {
                 self.findings.drop_attribute("face colours (attribute bytes)");
             }
-            shift_all(&mut batch.positions[3 * start..], self.origin.get().map(|c| 0.0 - c));
-            let (first, on_defect) = (self.taken, self.on_defect);
-            LAYOUT.sift(batch, start, first, on_defect, &mut self.findings)?;
+            let first = self.taken;
+            filled = LAYOUT.sift(batch, range, first, self.on_defect, &mut self.findings)?;
             self.taken += triangles;
         }
-        Ok(batch.count() > 0)
+        batch.positions.truncate(3 * filled);
+        Ok(filled > 0)
     }
 
     fn findings(&self) -> &Findings {
@@ -128,16 +131,13 @@ impl MeshReader for Reader {
     }
 }
 
-/// Appends the corners of each record; answers all attribute bytes, or-ed together.
-fn decode(records: &[[u8; TRIANGLE_BYTES]], positions: &mut Vec<[f32; 3]>) -> u16 {
-    let start = positions.len();
-    positions.resize(start + 3 * records.len(), [0.0; 3]);
-    let (triangles, _) = positions[start..].as_chunks_mut::<3>();
+/// Copies the corners of each record; answers all attribute bytes, or-ed together.
+fn decode(records: &[[u8; TRIANGLE_BYTES]], positions: &mut [[f32; 3]]) -> u16 {
+    let (triangles, _) = positions.as_chunks_mut::<3>();
     let mut attributes = 0;
     for (record, triangle) in records.iter().zip(triangles) {
         // After the normal: nine coordinates, then the attribute.
-        let corners = <[[f32; 3]; 3]>::read_from_bytes(&record[12..48]);
-        *triangle = corners.unwrap_or_default();
+        triangle.as_mut_bytes().copy_from_slice(&record[12..48]);
         attributes |= u16::from_le_bytes([record[48], record[49]]);
     }
     attributes
