@@ -117,6 +117,8 @@ fn an_index_out_of_range_is_known_with_its_face_and_line() {
         assert_eq!(seen.faces().len() as u64, if wrong == 9 { 3 } else { 1 });
         assert_eq!(seen.findings.count(DefectKind::IndexOutOfRange), u64::from(wrong != 9));
     }
+    let largest = format!("{SQUARE}f 1 2 9223372036854775807\n");
+    assert!(matches!(read(&largest, &FAIL).unwrap_err().fault, Fault::IndexOutOfRange { .. }));
     let joined = format!("{SQUARE}f 1 2 \\\n 9\n");
     assert_eq!(read(&joined, &FAIL).unwrap_err().at.line, Some(5));
 }
@@ -135,6 +137,7 @@ fn what_is_malformed_is_placed_by_its_line() {
         ("f 1 2 3.0", "a vertex index"),
         ("f 1 2 3,4", "a vertex index"),
         ("f 1/a 2 3", "a vertex index"),
+        ("f 1 2 99999999999999999999", "a vertex index"),
         ("1 2 3", "an OBJ statement"),
     ] {
         let bad = read(&format!("{SQUARE}{line}\n"), &FAIL).unwrap_err();
