@@ -151,6 +151,14 @@ impl<'a> Monitor<'a> {
         self.observer.on(&Event::Started { stage, total });
         Meter { monitor: self, stage, done: AtomicU64::new(0), total }
     }
+
+    /// Notices cancellation in work that is part of a pass already metered.
+    ///
+    /// # Errors
+    /// [`Cancelled`] once the caller has raised the flag.
+    pub fn check(&self, stage: StageId) -> Result<(), Cancelled> {
+        if self.cancel.is_raised() { Err(Cancelled(stage)) } else { Ok(()) }
+    }
 }
 
 /// Records between two events.

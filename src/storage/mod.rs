@@ -14,7 +14,7 @@ pub use mapped::MappedRecords;
 pub use output::{OutputFile, Overwrite, open_input};
 pub use record::{Record, RecordFile};
 pub use scanner::RecordScanner;
-pub use workspace::{Workspace, available_disk_bytes};
+pub use workspace::{ForeignFolder, Workspace, available_disk_bytes, open_files_max};
 pub use writer::RecordWriter;
 
 /// Bytes per `read()` and `write()` of our own files. Measured: 256 KiB to 1 MiB is the plateau;

@@ -20,6 +20,10 @@ pub trait Record:
     const KIND: [u8; 4];
 }
 
+impl Record for u32 {
+    const KIND: [u8; 4] = *b"U32 ";
+}
+
 impl Record for u64 {
     const KIND: [u8; 4] = *b"U64 ";
 }
@@ -153,11 +157,8 @@ impl<R: Record> RecordFile<R> {
     /// # Errors
     /// As [`Self::scan`], and when the contents do not match their checksum.
     pub fn read_all(&self) -> Result<Vec<R>> {
-        let mut records = Vec::with_capacity(self.count as usize);
-        let mut scanner = self.scan()?;
-        while let Some(batch) = scanner.next_batch()? {
-            records.extend_from_slice(batch);
-        }
+        let mut records = vec![R::new_zeroed(); self.count as usize];
+        self.scan()?.read_into(&mut records)?;
         Ok(records)
     }
 }

@@ -54,16 +54,31 @@ impl<R: Record> RecordScanner<R> {
         if self.batch.len() != count {
             self.batch = vec![R::new_zeroed(); count];
         }
-        let bytes = self.batch.as_mut_slice().as_mut_bytes();
-        self.file.read_exact(bytes).at("read", self.source.path())?;
-        if let Some((hasher, _)) = &mut self.checksum {
-            hasher.update(bytes);
+        let mut batch = std::mem::take(&mut self.batch);
+        let read = self.read_into(&mut batch);
+        self.batch = batch;
+        read?;
+        Ok(Some(&self.batch))
+    }
+
+    /// Fills the front of `records` with the next ones and says how many: fewer than asked for
+    /// only at the end. Nothing is copied on the way.
+    ///
+    /// # Errors
+    /// As [`Self::next_batch`].
+    pub fn read_into(&mut self, records: &mut [R]) -> Result<usize> {
+        let count = self.left.min(records.len() as u64) as usize;
+        for block in records[..count].as_mut_bytes().chunks_mut(IO_BLOCK_BYTES) {
+            self.file.read_exact(block).at("read", self.source.path())?;
+            if let Some((hasher, _)) = &mut self.checksum {
+                hasher.update(block);
+            }
         }
         self.left -= count as u64;
         if self.left == 0 {
             self.check()?;
         }
-        Ok(Some(&self.batch))
+        Ok(count)
     }
 
     /// Records not yet returned.

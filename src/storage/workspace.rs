@@ -9,7 +9,10 @@ use std::{
     },
 };
 
-use rustix::fs::{FlockOperation, flock, statvfs};
+use rustix::{
+    fs::{FlockOperation, flock, statvfs},
+    process::{Resource, getrlimit},
+};
 use tempfile::TempDir;
 
 use crate::error::{IoContext as _, Result};
@@ -100,6 +103,59 @@ impl Workspace {
         Arc::clone(&self.disk)
     }
 }
+
+/// A private folder inside a [`Workspace`], for files that a foreign library makes by itself.
+/// It is removed with its contents on drop.
+#[derive(Debug)]
+pub struct ForeignFolder {
+    folder: TempDir,
+    /// Bytes counted by [`Self::count`] so far.
+    bytes: u64,
+    disk: Arc<DiskUse>,
+}
+
+impl ForeignFolder {
+    /// Makes an empty folder in `workspace`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] when the folder cannot be made.
+    pub fn create(workspace: &Workspace, name: &str) -> Result<Self> {
+        let folder = tempfile::Builder::new()
+            .prefix(name)
+            .tempdir_in(workspace.path())
+            .at("create a temporary folder in", workspace.path())?;
+        Ok(Self { folder, bytes: 0, disk: workspace.disk() })
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Counts `bytes` that the library is about to write here.
+    pub fn count(&mut self, bytes: u64) {
+        self.bytes += bytes;
+        self.disk.take(bytes);
+    }
+}
+
+impl Drop for ForeignFolder {
+    fn drop(&mut self) {
+        self.disk.give_back(self.bytes);
+    }
+}
+
+/// Files one out-of-core step may hold open: a quarter of what the process may, since steps run
+/// beside each other, and no more than make one faster.
+#[must_use]
+pub fn open_files_max() -> usize {
+    let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
+    (limit / 4).clamp(8, OPEN_FILES_MAX as u64) as usize
+}
+
+/// A quarter of 1024, the limit most systems set: more buckets do not make a step faster.
+const OPEN_FILES_MAX: usize = 256;
 
 /// Bytes an unprivileged process may still write to the file system of `path`.
 ///

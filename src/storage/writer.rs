@@ -18,6 +18,8 @@ pub struct RecordWriter<R> {
     /// Grows `bytes` as it is written to.
     owned: OwnedFile,
     buffer: Vec<u8>,
+    /// The buffer is written out when it holds this many bytes.
+    buffer_bytes: usize,
     checksum: crc32fast::Hasher,
     count: u64,
     marker: PhantomData<R>,
@@ -30,6 +32,20 @@ impl<R: Record> RecordWriter<R> {
     /// # Errors
     /// [`crate::Error::Io`] when the file cannot be made or the disk is full.
     pub fn create(workspace: &Workspace, name: &str, count_expected: Option<u64>) -> Result<Self> {
+        Self::create_buffered(workspace, name, count_expected, IO_BLOCK_BYTES)
+    }
+
+    /// As [`Self::create`], with a buffer of `buffer_bytes` instead of [`IO_BLOCK_BYTES`]: for
+    /// writers that are many, or are given large slices (those pass the buffer by).
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_buffered(
+        workspace: &Workspace,
+        name: &str,
+        count_expected: Option<u64>,
+        buffer_bytes: usize,
+    ) -> Result<Self> {
         let path = workspace.new_path(name);
         let file = File::options()
             .read(true)
@@ -42,10 +58,11 @@ impl<R: Record> RecordWriter<R> {
         if let Some(bytes) = count_expected.and_then(|n| n.checked_mul(size_of::<R>() as u64)) {
             allocate(&file, bytes + HEADER_BYTES as u64).at("allocate", &owned.path)?;
         }
-        let mut buffer = Vec::with_capacity(IO_BLOCK_BYTES + size_of::<R>());
+        let buffer_bytes = buffer_bytes.clamp(HEADER_BYTES, IO_BLOCK_BYTES);
+        let mut buffer = Vec::with_capacity(buffer_bytes + size_of::<R>());
         buffer.resize(HEADER_BYTES, 0);
         let checksum = crc32fast::Hasher::new();
-        Ok(Self { file, owned, buffer, checksum, count: 0, marker: PhantomData })
+        Ok(Self { file, owned, buffer, buffer_bytes, checksum, count: 0, marker: PhantomData })
     }
 
     /// Appends one record.
@@ -55,7 +72,7 @@ impl<R: Record> RecordWriter<R> {
     pub fn push(&mut self, record: &R) -> Result<()> {
         self.buffer.extend_from_slice(record.as_bytes());
         self.count += 1;
-        if self.buffer.len() >= IO_BLOCK_BYTES {
+        if self.buffer.len() >= self.buffer_bytes {
             self.flush()?;
         }
         Ok(())
@@ -69,11 +86,17 @@ impl<R: Record> RecordWriter<R> {
         let mut bytes = records.as_bytes();
         self.count += records.len() as u64;
         while !bytes.is_empty() {
-            let room = IO_BLOCK_BYTES.saturating_sub(self.buffer.len()).max(1);
+            if self.buffer.is_empty() && bytes.len() >= self.buffer_bytes {
+                let (now, later) = bytes.split_at(bytes.len().min(IO_BLOCK_BYTES));
+                self.write(now)?;
+                bytes = later;
+                continue;
+            }
+            let room = self.buffer_bytes.saturating_sub(self.buffer.len());
             let (now, later) = bytes.split_at(room.min(bytes.len()));
             self.buffer.extend_from_slice(now);
             bytes = later;
-            if self.buffer.len() >= IO_BLOCK_BYTES {
+            if self.buffer.len() >= self.buffer_bytes {
                 self.flush()?;
             }
         }
@@ -110,6 +133,16 @@ impl<R: Record> RecordWriter<R> {
         self.buffer.clear();
         Ok(())
     }
+
+    /// Writes record bytes past the empty buffer.
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        debug_assert!(self.buffer.is_empty() && self.owned.bytes > 0, "the header goes first");
+        self.checksum.update(bytes);
+        self.file.write_all(bytes).at("write", &self.owned.path)?;
+        self.owned.bytes += bytes.len() as u64;
+        self.owned.disk.take(bytes.len() as u64);
+        Ok(())
+    }
 }
 
 /// Reserves disk space for `file`; file systems that cannot are left to fail at the write.
@@ -144,6 +177,25 @@ mod tests {
             file.scan_range(70_000, 2).unwrap().next_batch().unwrap(),
             Some(&[70_000, 70_001][..])
         );
+    }
+
+    #[test]
+    fn the_size_of_the_buffer_does_not_show_in_the_file() {
+        let workspace = workspace();
+        let numbers: Vec<u64> = (0..100_000).collect();
+        let bytes = [0, 100, 1 << 16, IO_BLOCK_BYTES].map(|buffer_bytes| {
+            let name = "numbers";
+            let mut writer =
+                RecordWriter::<u64>::create_buffered(&workspace, name, None, buffer_bytes).unwrap();
+            writer.extend(&numbers[..1]).unwrap();
+            writer.extend(&numbers[1..77_777]).unwrap();
+            writer.push(&77_777).unwrap();
+            writer.extend(&numbers[77_778..]).unwrap();
+            let file = writer.finish().unwrap();
+            assert_eq!(file.read_all().unwrap(), numbers);
+            fs::read(file.path()).unwrap()
+        });
+        assert!(bytes.iter().all(|other| *other == bytes[0]));
     }
 
     #[test]

@@ -1,0 +1,198 @@
+//! The engine that distributes: buckets by ranges of the key, each then sorted in memory.
+//!
+//! It writes every record once, as long as the sample it took its ranges from was a fair one;
+//! buckets that turn out too large are cut again, from a sample of their own.
+
+use std::sync::Mutex;
+
+use super::{
+    Keyed,
+    distribute::{Buckets, buckets_max, chunk_records},
+    in_memory::sort_slice,
+    partition::{Scratch, partition, scratch_bytes},
+    sort::Config,
+    splitters::Splitters,
+    waves,
+};
+use crate::{
+    error::Result,
+    progress::Monitor,
+    storage::{RecordFile, Workspace},
+};
+
+/// Aimed size of a bucket: a few fit the last-level cache, and the writes are still large.
+const BUCKET_BYTES: u64 = 1 << 22;
+
+/// Buckets to cut into: enough for small ones if the size of the whole is known, as many as can
+/// be filled well if not.
+pub(super) fn bucket_count(size_bytes: Option<u64>, memory_bytes: u64) -> usize {
+    let most = buckets_max(memory_bytes);
+    let Some(size_bytes) = size_bytes else { return most };
+    let bucket_bytes = BUCKET_BYTES.min(memory_bytes / 16).max(1);
+    size_bytes.div_ceil(bucket_bytes).clamp(2, most as u64) as usize
+}
+
+/// A distribution under way.
+pub(super) struct Distribution<R: Keyed> {
+    splitters: Splitters<R::Key>,
+    buckets: Buckets<R>,
+}
+
+/// A bucket on disk, not yet sorted.
+pub(super) struct Bucket<R> {
+    file: RecordFile<R>,
+    /// All keys are equal, so that the bucket is sorted as it is.
+    one_key: bool,
+}
+
+impl<R: Keyed> Distribution<R> {
+    pub(super) fn create(
+        workspace: &Workspace,
+        sample: Vec<R::Key>,
+        buckets: usize,
+    ) -> Result<Self> {
+        let splitters = Splitters::choose(sample, buckets);
+        let buckets = Buckets::create(workspace, "bucket", splitters.count())?;
+        Ok(Self { splitters, buckets })
+    }
+
+    /// Appends a chunk of the input to the buckets.
+    pub(super) fn spill(&mut self, chunk: &[R], scratch: &mut Scratch<R>) -> Result<()> {
+        let bucket_of = |record: &R| self.splitters.bucket(record.key());
+        let parts = partition(chunk, scratch, self.buckets.count(), bucket_of, |_, r| *r);
+        self.buckets.append(&parts)
+    }
+
+    /// The buckets that are not empty, in order of their keys.
+    pub(super) fn finish(self) -> Result<Vec<Bucket<R>>> {
+        let Self { splitters, buckets } = self;
+        let files = buckets.finish()?.into_iter().enumerate();
+        let buckets = files.map(|(i, file)| Bucket { file, one_key: splitters.is_one_key(i) });
+        Ok(buckets.filter(|bucket| bucket.file.count() > 0).collect())
+    }
+}
+
+/// Places of a file where a sample looks, and keys it takes at each: 4096 keys, 16 for each of
+/// 256 buckets, keep the largest bucket within about twice the mean.
+const SAMPLE_PLACES: u64 = 256;
+const SAMPLE_KEYS_EACH: u64 = 16;
+
+/// Keys from all over a file.
+pub(super) fn sample_file<R: Keyed>(file: &RecordFile<R>) -> Result<Vec<R::Key>> {
+    let places = SAMPLE_PLACES.min(file.count());
+    let mut sample = Vec::new();
+    for place in 0..places {
+        let first = place * file.count() / places;
+        let end = (place + 1) * file.count() / places;
+        let mut batch = vec![R::new_zeroed(); SAMPLE_KEYS_EACH.min(end - first) as usize];
+        file.scan_range(first, batch.len() as u64)?.read_into(&mut batch)?;
+        sample.extend(batch.iter().map(R::key));
+    }
+    Ok(sample)
+}
+
+/// Bytes of a bucket that sorts within `memory_bytes`: itself, its scratch, and both again for
+/// the bucket before it, which is being handed over.
+fn bucket_bytes_max(memory_bytes: u64) -> u64 {
+    memory_bytes / 4
+}
+
+/// Cuts buckets that are too large to be sorted in memory until there are none.
+pub(super) fn cut_large<R: Keyed>(
+    mut buckets: Vec<Bucket<R>>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor<'_>,
+) -> Result<Vec<Bucket<R>>> {
+    let memory_bytes = config.memory_bytes;
+    let is_large = |bucket: &Bucket<R>| {
+        let fits = bucket.file.size_bytes() <= bucket_bytes_max(memory_bytes);
+        !(fits || bucket.one_key || bucket.file.count() == 1)
+    };
+    while buckets.iter().any(is_large) {
+        let large = buckets.iter().filter(|bucket| is_large(bucket));
+        let meter = monitor.meter(config.stage, Some(large.map(|b| b.file.count()).sum()));
+        let mut smaller = Vec::with_capacity(buckets.len());
+        let mut scratch = Scratch::default();
+        let record_bytes = size_of::<R>() + scratch_bytes::<R>();
+        let mut chunk = vec![R::new_zeroed(); chunk_records(memory_bytes, record_bytes)];
+        for bucket in buckets {
+            if !is_large(&bucket) {
+                smaller.push(bucket);
+                continue;
+            }
+            let count = bucket_count(Some(bucket.file.size_bytes()), memory_bytes);
+            let sample = sample_file(&bucket.file)?;
+            let mut distribution = Distribution::create(workspace, sample, count)?;
+            let mut scanner = bucket.file.scan()?;
+            while scanner.left() > 0 {
+                let count = scanner.read_into(&mut chunk)?;
+                meter.add(count as u64)?;
+                distribution.spill(&chunk[..count], &mut scratch)?;
+            }
+            smaller.extend(distribution.finish()?);
+        }
+        meter.finish();
+        buckets = smaller;
+    }
+    Ok(buckets)
+}
+
+/// A bucket in memory, in order; or one on disk that is in order already.
+enum Sorted<R> {
+    InMemory(Memory<R>, usize),
+    OnDisk(RecordFile<R>),
+}
+
+/// Room for one bucket and for sorting it, used again and again.
+struct Memory<R> {
+    records: Vec<R>,
+    scratch: Vec<R>,
+}
+
+/// Sorts each bucket on some thread and passes the records to `sink` in order.
+pub(super) fn emit_sorted<R: Keyed>(
+    buckets: Vec<Bucket<R>>,
+    memory_bytes: u64,
+    mut sink: impl FnMut(&[R]) -> Result<()>,
+) -> Result<()> {
+    let in_memory = buckets.iter().filter(|bucket| !bucket.one_key);
+    let largest = in_memory.map(|bucket| bucket.file.count()).max().unwrap_or(0) as usize;
+    let largest_bytes = (largest * size_of::<R>()).max(1) as u64;
+    let width_max = 2 * rayon::current_num_threads() as u64;
+    let width = (bucket_bytes_max(memory_bytes) / largest_bytes).clamp(1, width_max) as usize;
+    let spare = Mutex::new(Vec::<Memory<R>>::new());
+    let take_spare = || spare.lock().expect("no thread panics with the list in hand").pop();
+    let work = |bucket: Bucket<R>| {
+        if bucket.one_key {
+            return Ok(Sorted::OnDisk(bucket.file));
+        }
+        let mut memory = take_spare().unwrap_or_else(|| Memory {
+            records: vec![R::new_zeroed(); largest],
+            scratch: vec![R::new_zeroed(); largest],
+        });
+        let count = bucket.file.scan()?.read_into(&mut memory.records)?;
+        sort_slice(&mut memory.records[..count], &mut memory.scratch[..count]);
+        Ok(Sorted::InMemory(memory, count))
+    };
+    let mut buckets = buckets.into_iter();
+    waves::in_order(
+        width,
+        || Ok(buckets.next()),
+        work,
+        |sorted| match sorted {
+            Sorted::InMemory(memory, count) => {
+                sink(&memory.records[..count])?;
+                spare.lock().expect("no thread panics with the list in hand").push(memory);
+                Ok(())
+            }
+            Sorted::OnDisk(file) => {
+                let mut scanner = file.scan()?;
+                while let Some(batch) = scanner.next_batch()? {
+                    sink(batch)?;
+                }
+                Ok(())
+            }
+        },
+    )
+}
