@@ -197,7 +197,7 @@ impl Stopwatch {
     }
 
     fn stop(&self) -> Spent {
-        Spent { clock: self.0.elapsed(), processor: processor_time() - self.1 }
+        Spent { clock: self.0.elapsed(), processor: processor_time().saturating_sub(self.1) }
     }
 }
 
