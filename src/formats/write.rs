@@ -22,6 +22,13 @@ pub struct WriteOptions {
     pub colors: bool,
 }
 
+impl WriteOptions {
+    /// The origin as what is added to a position: -0 for 0, as `-0.0 + 0.0` loses its sign.
+    pub(super) fn shift(&self) -> [f64; 3] {
+        self.origin.map(|coordinate| if coordinate == 0.0 { -0.0 } else { coordinate })
+    }
+}
+
 /// What will be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {

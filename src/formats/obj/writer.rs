@@ -34,9 +34,9 @@ impl<W: Write + Send> Writer<W> {
         let mut line = Line { bytes: self.output.reserve(VERTEX_LINE_BYTES_MAX)?, filled: 0 };
         let mut numbers = zmij::Buffer::new();
         line.push(b"v");
-        for (coordinate, origin) in position.into_iter().zip(self.options.origin) {
+        for (coordinate, shift) in position.into_iter().zip(self.options.shift()) {
             line.push(b" ");
-            let exact = f64::from(coordinate) + origin;
+            let exact = f64::from(coordinate) + shift;
             let text = match self.options.precision {
                 Precision::Double => numbers.format_finite(exact),
                 Precision::Single => numbers.format_finite(exact as f32),
@@ -134,13 +134,13 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_indices_start_at_one() {
-        let positions = vec![[1.0, -0.1, 1e30], [0.0, 2.5e-9, -3.0], [f32::MAX, 0.0, 7.0]];
+        let positions = vec![[1.0, -0.1, 1e30], [0.0, 2.5e-9, -3.0], [f32::MAX, -0.0, 7.0]];
         let vertices = Batch { positions, ..Batch::default() };
         let mut faces = Batch { content: Content::Faces, ..Batch::default() };
         faces.faces.push(&[0, 1, 2]);
         faces.faces.push(&[2, 1, 0, 1]);
         let text = text_of(&[vertices, faces], &PLAIN);
-        let expected = "# written by meshmill\nv 1 -0.1 1e+30\nv 0 2.5e-9 -3\nv 3.4028235e+38 0 7\n\
+        let expected = "# written by meshmill\nv 1 -0.1 1e+30\nv 0 2.5e-9 -3\nv 3.4028235e+38 -0 7\n\
                         f 1 2 3\nf 3 2 1 2\n";
         assert_eq!(text, expected);
     }

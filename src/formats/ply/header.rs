@@ -50,7 +50,8 @@ pub(super) enum Shape {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Lines that begin with no keyword of the format; some writers break a comment in two.
+    /// Lines before the first element that begin with no keyword of the format; some writers
+    /// break a comment in two.
     pub(super) unknown_lines: Vec<String>,
     /// Line of the first byte of the body.
     pub(super) body_line: u64,
@@ -144,7 +145,12 @@ impl Parser {
             Some(b"element") => self.element(&mut words, at)?,
             Some(b"property") => self.property(&mut words, at)?,
             Some(b"end_header") => return Ok(true),
-            Some(_) => self.unknown_lines.push(shorten(line.trim_ascii())),
+            // Before the elements nothing can depend on such a line. Later it may be a damaged
+            // property, without which every number behind it would be read as another.
+            Some(_) if self.elements.is_empty() => {
+                self.unknown_lines.push(shorten(line.trim_ascii()));
+            }
+            Some(word) => return Err(expected("a keyword of the header", word, at)),
         }
         Ok(false)
     }

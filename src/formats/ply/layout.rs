@@ -40,6 +40,8 @@ pub(super) struct Layout {
     pub(super) role: Role,
     pub(super) count: u64,
     pub(super) steps: Vec<Step>,
+    /// Place of the `element` line.
+    pub(super) at: Position,
     /// The part of the input that truncation is reported in.
     pub(super) inside: &'static str,
 }
@@ -116,7 +118,7 @@ fn layout(element: &Element, role: Role, findings: &mut Findings) -> Result<Layo
     if role == Role::Other && element.count > 0 {
         findings.drop_attribute(&format!("element {}", shorten(element.name.as_bytes())));
     }
-    Ok(Layout { role, count: element.count, steps, inside })
+    Ok(Layout { role, count: element.count, steps, at: element.at, inside })
 }
 
 /// The naming scheme of which all three colours are there.

@@ -275,7 +275,7 @@ fn check_counts(
                 Role::Other => "the length of an element",
             };
             let fault = Fault::CountImpossible { what, count: layout.count, limit: left / each };
-            return Err(FormatError::input(source.position(), fault));
+            return Err(FormatError::input(layout.at, fault));
         }
         left -= layout.count * each;
     }

@@ -177,6 +177,25 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
+fn zero_keeps_its_sign() {
+    for precision in [Precision::Single, Precision::Double] {
+        let options = WriteOptions { precision, origin: [0.0; 3], colors: false };
+        let counts = Counts { vertices: 1, triangles: 0 };
+        let mut bytes = Vec::new();
+        let mut writer = Writer::new(&mut bytes, counts, &options).unwrap();
+        writer
+            .write_batch(&Batch { positions: vec![[-0.0, 0.0, 1.0]], ..Batch::default() })
+            .unwrap();
+        writer.finish().unwrap();
+        drop(writer);
+        let each = if precision == Precision::Single { 4 } else { 8 };
+        let body = &bytes[bytes.len() - 3 * each..];
+        let signs: Vec<u8> = body.chunks(each).map(|number| number[each - 1] >> 7).collect();
+        assert_eq!(signs, [1, 0, 0], "{precision:?}");
+    }
+}
+
+#[test]
 fn a_header_with_wrong_counts_is_replaced_by_one_of_the_same_length() {
     let options = WriteOptions { precision: Precision::Single, origin: [0.0; 3], colors: false };
     let mut bytes = Vec::new();
@@ -369,12 +388,14 @@ fn counts_that_lie_are_found_before_memory_is_taken() {
     long.extend_from_slice(&[0; 30]);
     let mut many = many.into_bytes();
     many.extend_from_slice(&[0; 1000]);
-    for bytes in [&many, &long] {
+    // The count of vertices is in the fourth line; the list's is in the body.
+    for (bytes, line) in [(&many, Some(4)), (&long, None)] {
         let size_bytes = Some(bytes.len() as u64);
         let known = ReadOptions { size_bytes, ..options(OnDefect::Fail) };
         let error = read_with(bytes, &known).map(|(mesh, _)| mesh).unwrap_err();
         let FormatError::Input(found) = error else { panic!("{error:?}") };
         assert!(matches!(found.fault, Fault::CountImpossible { .. }), "{found:?}");
+        assert_eq!(found.at.line, line);
     }
     assert_eq!(fault(&many).fault, Fault::Truncated { inside: "the vertices" });
     assert!(matches!(fault(&long).fault, Fault::Unsupported(_)));
@@ -389,6 +410,7 @@ fn broken_headers_are_faults_with_a_line() {
         ("ply\nformat ascii 1.0\nelement vertex -3\n", 3),
         ("ply\nformat ascii 1.0\nelement vertex 3\nproperty real x\n", 4),
         ("ply\nformat ascii 1.0\nproperty float x\n", 3),
+        ("ply\nformat ascii 1.0\nelement vertex 3\npropertx float x\n", 4),
         ("ply\nelement vertex 3\nend_header\n", 3),
         ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n", 3),
     ];

@@ -46,20 +46,20 @@ impl<W: Write + Send> Writer<W> {
 
     fn vertices(&mut self, batch: &Batch) -> Result<()> {
         assert!(self.written.triangles == 0, "vertices come before faces");
-        let origin = self.options.origin;
+        let shift = self.options.shift();
         let colors = self.options.colors.then_some(&batch.colors);
         for (index, position) in batch.positions.iter().enumerate() {
             match self.options.precision {
                 Precision::Double => {
                     for axis in 0..3 {
-                        let value = f64::from(position[axis]) + origin[axis];
+                        let value = f64::from(position[axis]) + shift[axis];
                         self.buffer.extend_from_slice(&value.to_le_bytes());
                     }
                 }
                 Precision::Single => {
                     let mut bytes = [0; 12];
                     for axis in 0..3 {
-                        let value = (f64::from(position[axis]) + origin[axis]) as f32;
+                        let value = (f64::from(position[axis]) + shift[axis]) as f32;
                         bytes[4 * axis..4 * axis + 4].copy_from_slice(&value.to_le_bytes());
                     }
                     self.buffer.extend_from_slice(&bytes);
