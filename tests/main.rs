@@ -3,4 +3,12 @@
 //! `cfg(test)` is always true here; it tells clippy that these modules are tests throughout.
 
 #[cfg(test)]
+mod meshes;
+#[cfg(test)]
+mod oracles;
+#[cfg(test)]
+mod prefixes;
+#[cfg(test)]
 mod tidy;
+#[cfg(test)]
+mod torture;

@@ -1,8 +1,6 @@
 //! Parsers and writers over `BufRead` and `Write`. They never open a file, so each works on
 //! standard input and is a fuzz target. Both directions speak [`Batch`].
 
-#[cfg(test)]
-mod awkward;
 mod batch;
 mod block;
 mod compression;
