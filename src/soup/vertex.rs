@@ -19,7 +19,28 @@ pub trait Vertex: Record + PartialEq + std::fmt::Debug {
 
     /// RGBA; opaque white for payloads without colour.
     fn color(&self) -> [u8; 4];
+
+    /// Sums of the attributes that are averaged where vertices are merged, one number each.
+    type Sums: AsRef<[i32]>
+        + AsMut<[i32]>
+        + Copy
+        + Default
+        + Send
+        + Sync
+        + FromBytes
+        + IntoBytes
+        + Immutable
+        + KnownLayout;
+
+    /// The attributes, each as a share (0 to 1) of `weight`.
+    fn weigh(&self, weight: i32) -> Self::Sums;
+
+    /// A vertex at `position` with the mean attributes of `sums` over the summed `weight`.
+    fn mean(position: [f32; 3], sums: [i64; ATTRIBUTES_MAX], weight: i64) -> Self;
 }
+
+/// Most attributes a payload can average.
+pub const ATTRIBUTES_MAX: usize = 4;
 
 /// A position, 12 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout)]
@@ -68,6 +89,16 @@ impl Vertex for Point {
     fn color(&self) -> [u8; 4] {
         [255; 4]
     }
+
+    type Sums = [i32; 0];
+
+    fn weigh(&self, _: i32) -> Self::Sums {
+        []
+    }
+
+    fn mean(position: [f32; 3], _: [i64; ATTRIBUTES_MAX], _: i64) -> Self {
+        Self(position)
+    }
 }
 
 impl Vertex for ColoredPoint {
@@ -84,5 +115,18 @@ impl Vertex for ColoredPoint {
 
     fn color(&self) -> [u8; 4] {
         self.color
+    }
+
+    type Sums = [i32; 4];
+
+    fn weigh(&self, weight: i32) -> Self::Sums {
+        let weight = i64::from(weight);
+        self.color.map(|channel| ((weight * i64::from(channel) + 127) / 255) as i32)
+    }
+
+    fn mean(position: [f32; 3], sums: [i64; ATTRIBUTES_MAX], weight: i64) -> Self {
+        let weight = weight.max(1) as f64;
+        let color = sums.map(|sum| (sum as f64 / weight * 255.0).round().clamp(0.0, 255.0) as u8);
+        Self { position, color }
     }
 }

@@ -39,6 +39,12 @@ impl<R: Record> MappedRecords<R> {
         Ok(Self { map, source, touched_bytes: AtomicU64::new(0) })
     }
 
+    /// The file itself.
+    #[must_use]
+    pub fn file(&self) -> RecordFile<R> {
+        self.source.clone()
+    }
+
     /// All records, in file order.
     #[must_use]
     pub fn as_slice(&self) -> &[R] {

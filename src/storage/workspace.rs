@@ -15,6 +15,7 @@ use rustix::{
 };
 use tempfile::TempDir;
 
+use super::Budget;
 use crate::error::{IoContext as _, Result};
 
 /// Temporary bytes on disk now and at most.
@@ -35,7 +36,8 @@ impl DiskUse {
     }
 }
 
-/// One job's folder for temporary files: new, locked, removed with all its contents on drop.
+/// The room one job has: a new, locked folder for temporary files, removed with all its contents
+/// on drop, and a memory budget.
 #[derive(Debug)]
 pub struct Workspace {
     folder: TempDir,
@@ -43,10 +45,11 @@ pub struct Workspace {
     _lock: File,
     disk: Arc<DiskUse>,
     serial: AtomicU64,
+    budget: Budget,
 }
 
 impl Workspace {
-    /// Makes a new folder inside `parent`.
+    /// Makes a new folder inside `parent`; memory is not limited before [`Self::with_budget`].
     ///
     /// # Errors
     /// [`crate::Error::Io`] when `parent` does not exist or cannot be written to.
@@ -59,7 +62,20 @@ impl Workspace {
         let lock = File::options().write(true).create_new(true).open(&path).at("create", &path)?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive).at("lock", &path)?;
         let disk = Arc::default();
-        Ok(Self { folder, _lock: lock, disk, serial: AtomicU64::new(0) })
+        let budget = Budget::new(u64::MAX);
+        Ok(Self { folder, _lock: lock, disk, serial: AtomicU64::new(0), budget })
+    }
+
+    /// The same folder with a memory budget.
+    #[must_use]
+    pub fn with_budget(self, budget: Budget) -> Self {
+        Self { budget, ..self }
+    }
+
+    /// The memory of the job.
+    #[must_use]
+    pub fn budget(&self) -> &Budget {
+        &self.budget
     }
 
     /// A workspace for unit tests.

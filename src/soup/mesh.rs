@@ -1,0 +1,90 @@
+//! A finished indexed mesh, in memory or in files, as simplification and welding leave it.
+
+use super::Vertex;
+use crate::{
+    error::Result,
+    formats::Counts,
+    storage::{Record, RecordFile, RecordScanner},
+};
+
+/// Records in memory or in a finished file.
+pub enum Column<R> {
+    /// In memory.
+    Memory(Vec<R>),
+    /// On disk.
+    File(RecordFile<R>),
+}
+
+/// A sequential read of a [`Column`].
+pub enum ColumnScan<'a, R> {
+    /// Chunks of a slice.
+    Memory(std::slice::Chunks<'a, R>),
+    /// Blocks of a file.
+    File(RecordScanner<R>),
+}
+
+/// Records per batch from memory; about the batch size of a file of points.
+const BATCH_RECORDS: usize = 1 << 14;
+
+impl<R: Record> Column<R> {
+    /// Number of records.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        match self {
+            Self::Memory(records) => records.len() as u64,
+            Self::File(file) => file.count(),
+        }
+    }
+
+    /// Starts a sequential read.
+    ///
+    /// # Errors
+    /// As [`RecordFile::scan`].
+    pub fn scan(&self) -> Result<ColumnScan<'_, R>> {
+        Ok(match self {
+            Self::Memory(records) => ColumnScan::Memory(records.chunks(BATCH_RECORDS)),
+            Self::File(file) => ColumnScan::File(file.scan()?),
+        })
+    }
+}
+
+impl<R: Record> ColumnScan<'_, R> {
+    /// The next records, `None` after the last.
+    ///
+    /// # Errors
+    /// As [`RecordScanner::next_batch`].
+    pub fn next_batch(&mut self) -> Result<Option<&[R]>> {
+        match self {
+            Self::Memory(chunks) => Ok(chunks.next()),
+            Self::File(scanner) => scanner.next_batch(),
+        }
+    }
+}
+
+/// Triangles as vertex indices: narrow while they are in memory, wide on disk.
+pub enum Triangles {
+    /// In memory; there are fewer than 2³² vertices.
+    Memory(Vec<[u32; 3]>),
+    /// On disk.
+    File(RecordFile<[u64; 3]>),
+}
+
+/// Vertices, and triangles that refer to them; every vertex is referred to.
+pub struct IndexedMesh<V> {
+    /// Vertices, by index.
+    pub vertices: Column<V>,
+    /// Triangles.
+    pub triangles: Triangles,
+}
+
+impl<V: Vertex> IndexedMesh<V> {
+    /// How many there are of both.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let triangles = match &self.triangles {
+            Triangles::Memory(triangles) => triangles.len() as u64,
+            Triangles::File(file) => file.count(),
+        };
+        Counts { vertices: self.vertices.count(), triangles }
+    }
+}
