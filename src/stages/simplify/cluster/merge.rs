@@ -1,0 +1,197 @@
+//! From spilled runs to an indexed mesh, in bounded memory: the last steps of OoCSx
+//! `[LS01 §3.1]`.
+//!
+//! Cells are merged by id and numbered in that order. The corners of the triangles are looked up
+//! in the sorted ids, as many ids at a time as fit in memory: runs stay sorted, so merging them
+//! removes duplicates. Then vertices that no triangle refers to are left out.
+
+use rayon::prelude::*;
+
+use super::{
+    Config, Outcome, assemble,
+    spill::{CellRecord, CellTriangle, RANKED, Run},
+    sums::SUMS,
+    table::{add, widen},
+    used::Used,
+};
+use crate::{
+    error::Result,
+    external::reduce,
+    geometry::CellId,
+    progress::{Meter, Monitor, StageId},
+    soup::{ATTRIBUTES_MAX, Column, IndexedMesh, Triangles, Vertex},
+    storage::{RecordFile, RecordWriter, Workspace},
+};
+
+/// Least memory to work with.
+const MEMORY_BYTES_MIN: u64 = 4 << 20;
+
+/// Makes the mesh of `runs`.
+pub(super) fn on_disk<V: Vertex>(
+    runs: Vec<Run>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<Outcome<V>> {
+    let spills = runs.len() as u64;
+    let memory = workspace.budget().reserve_share(1.0, MEMORY_BYTES_MIN);
+    let reduce_config = reduce::Config { stage: StageId::Assemble, memory_bytes: memory.bytes() };
+    let (cells, triangles): (Vec<_>, Vec<_>) =
+        runs.into_iter().map(|run| (run.cells, run.triangles)).unzip();
+    let (ids, vertices) = merge_cells(cells, config, &reduce_config, workspace, monitor)?;
+    let ranked = rank_corners(triangles, &ids, memory.bytes(), workspace, monitor)?;
+    let cells = ids.count();
+    drop(ids);
+    let mut used = Used::none(cells);
+    let mut writer = RecordWriter::create(workspace, "ranked", None)?;
+    reduce::reduce(
+        ranked,
+        |_, _| (),
+        &reduce_config,
+        workspace,
+        monitor,
+        |batch| {
+            batch.iter().flat_map(CellTriangle::ranks).for_each(|rank| used.mark(rank));
+            writer.extend(batch)
+        },
+    )?;
+    used.number();
+    let triangles = renumber(&writer.finish()?, &used, workspace)?;
+    let vertices = Column::File(keep_used(&vertices, &used, workspace)?);
+    let mesh = IndexedMesh { vertices, triangles: Triangles::File(triangles) };
+    Ok(Outcome { mesh, cells, spills })
+}
+
+/// Adds up the partial sums of each cell and places its vertex. Returns ids and vertices, by id.
+fn merge_cells<V: Vertex>(
+    runs: Vec<RecordFile<CellRecord>>,
+    config: &Config,
+    reduce_config: &reduce::Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<(RecordFile<u64>, RecordFile<V>)> {
+    let mut ids = RecordWriter::create(workspace, "cell-ids", None)?;
+    let mut vertices = RecordWriter::create(workspace, "cell-vertices", None)?;
+    // The last cell of a batch may go on in the next.
+    let mut pending: Vec<CellRecord> = Vec::new();
+    let mut flush = |records: &[CellRecord]| -> Result<()> {
+        let groups: Vec<&[CellRecord]> = records.chunk_by(|a, b| a.id == b.id).collect();
+        let placed: Vec<V> = groups.par_iter().map(|group| place(group, config)).collect();
+        for group in groups {
+            ids.push(&group[0].id)?;
+        }
+        vertices.extend(&placed)
+    };
+    let no_equal_keys = |_: &mut CellRecord, _: &CellRecord| unreachable!("ties differ");
+    reduce::reduce(runs, no_equal_keys, reduce_config, workspace, monitor, |batch| {
+        pending.extend_from_slice(batch);
+        let last = pending.last().map_or(0, |record| record.id);
+        let complete = pending.partition_point(|record| record.id < last);
+        flush(&pending[..complete])?;
+        pending.drain(..complete);
+        Ok(())
+    })?;
+    flush(&pending)?;
+    Ok((ids.finish()?, vertices.finish()?))
+}
+
+/// The vertex of one cell.
+fn place<V: Vertex>(group: &[CellRecord], config: &Config) -> V {
+    let (mut sums, mut attributes) = ([0; SUMS], [0; ATTRIBUTES_MAX]);
+    for record in group {
+        add(&mut sums, &record.sums.map(i64::from));
+        add(&mut attributes, &widen(&record.attributes));
+    }
+    assemble::representative(CellId(group[0].id), &sums, attributes, config)
+}
+
+/// Replaces cell ids by their ranks in `ids`, in each run. Ids are taken into memory in pieces;
+/// every piece is one pass over the triangles.
+fn rank_corners(
+    mut runs: Vec<RecordFile<CellTriangle>>,
+    ids: &RecordFile<u64>,
+    memory_bytes: u64,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<Vec<RecordFile<CellTriangle>>> {
+    let piece = (memory_bytes / 2 / size_of::<u64>() as u64).max(1 << 16);
+    let passes = ids.count().div_ceil(piece).max(1);
+    let records: u64 = runs.iter().map(RecordFile::count).sum();
+    let meter = monitor.meter(StageId::Assemble, Some(records * passes));
+    for first in (0..passes).map(|pass| pass * piece) {
+        let count = piece.min(ids.count() - first);
+        let mut known = Vec::with_capacity(count as usize);
+        let mut scanner = ids.scan_range(first, count)?;
+        while let Some(batch) = scanner.next_batch()? {
+            known.extend_from_slice(batch);
+        }
+        runs = runs
+            .into_iter()
+            .map(|run| rank_known(&run, &known, first, workspace, &meter))
+            .collect::<Result<_>>()?;
+    }
+    meter.finish();
+    Ok(runs)
+}
+
+/// Replaces the ids that are in `known`, whose first has rank `first`.
+fn rank_known(
+    run: &RecordFile<CellTriangle>,
+    known: &[u64],
+    first: u64,
+    workspace: &Workspace,
+    meter: &Meter,
+) -> Result<RecordFile<CellTriangle>> {
+    let range = known.first().zip(known.last());
+    let rank = |corner: u64| match range {
+        Some((low, high)) if (*low..=*high).contains(&corner) => {
+            known.binary_search(&corner).map_or(corner, |index| RANKED | (first + index as u64))
+        }
+        _ => corner,
+    };
+    let mut writer = RecordWriter::create(workspace, "ranked", Some(run.count()))?;
+    let mut scanner = run.scan()?;
+    while let Some(batch) = scanner.next_batch()? {
+        let ranked = batch.par_iter().with_min_len(1 << 10);
+        let ranked: Vec<_> = ranked.map(|t| CellTriangle(t.0.map(rank))).collect();
+        writer.extend(&ranked)?;
+        meter.add(batch.len() as u64)?;
+    }
+    writer.finish()
+}
+
+/// The triangles with the numbers of their cells among the used ones.
+fn renumber(
+    ranked: &RecordFile<CellTriangle>,
+    used: &Used,
+    workspace: &Workspace,
+) -> Result<RecordFile<[u64; 3]>> {
+    let mut writer = RecordWriter::create(workspace, "triangles", Some(ranked.count()))?;
+    let mut scanner = ranked.scan()?;
+    while let Some(batch) = scanner.next_batch()? {
+        for triangle in batch {
+            writer.push(&triangle.ranks().map(|rank| used.number_of(rank)))?;
+        }
+    }
+    writer.finish()
+}
+
+/// The vertices of used cells.
+fn keep_used<V: Vertex>(
+    vertices: &RecordFile<V>,
+    used: &Used,
+    workspace: &Workspace,
+) -> Result<RecordFile<V>> {
+    let mut writer = RecordWriter::create(workspace, "vertices", None)?;
+    let mut scanner = vertices.scan()?;
+    let mut rank = 0;
+    while let Some(batch) = scanner.next_batch()? {
+        for vertex in batch {
+            if used.contains(rank) {
+                writer.push(vertex)?;
+            }
+            rank += 1;
+        }
+    }
+    writer.finish()
+}

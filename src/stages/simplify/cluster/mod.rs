@@ -1,0 +1,153 @@
+//! Vertex clustering with quadrics `[LS01]`: every grid cell that holds vertices becomes one
+//! vertex, every triangle between three different cells stays.
+//!
+//! OoCS and OoCSx are one algorithm here: tables of partial sums in memory that spill sorted runs
+//! when their budget is full. With room enough nothing spills, and it is OoCS; with little, the
+//! runs are merged, and it is OoCSx. The result is the same, byte by byte.
+
+mod assemble;
+mod estimate;
+mod merge;
+mod spill;
+mod sums;
+mod table;
+mod triples;
+mod used;
+
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicU32, AtomicU64, Ordering},
+};
+
+pub use estimate::cells_for;
+use spill::Run;
+use table::CellTable;
+
+use crate::{
+    error::{Position, Result},
+    formats::{DefectKind, Findings},
+    geometry::{Grid, Placement},
+    progress::{Monitor, StageId},
+    soup::{IndexedMesh, Scratch, Source, Vertex},
+    storage::Workspace,
+};
+
+/// What clustering needs to know.
+#[derive(Clone, Copy, Debug)]
+pub struct Config {
+    /// The cells.
+    pub grid: Grid,
+    /// Share of the edge quadrics in each cell's sum, 0 to 1; the rest are plane quadrics. The
+    /// 1 − λ of `[LS01 §3.2]`, see [`BOUNDARY_WEIGHT`].
+    pub boundary_weight: f64,
+    /// Where representatives may lie.
+    pub placement: Placement,
+}
+
+/// λ = ½ `[LS01 §3.2]`.
+pub const BOUNDARY_WEIGHT: f64 = 0.5;
+
+/// Sums over all triangles of a source, in memory and in runs on disk.
+pub struct Partials<V: Vertex> {
+    tables: Vec<CellTable<V>>,
+    runs: Vec<Run>,
+    /// What the pass over the source found.
+    pub findings: Findings,
+    /// Triangles of the source.
+    pub triangles: u64,
+}
+
+/// What clustering did.
+pub struct Outcome<V> {
+    /// The result: vertices in the order of their cells, triangles in the order of their
+    /// vertices.
+    pub mesh: IndexedMesh<V>,
+    /// Cells that held vertices.
+    pub cells: u64,
+    /// Runs spilled to disk.
+    pub spills: u64,
+}
+
+/// Triangles added between two looks at the budget.
+const TRIANGLES_PER_CHECK: usize = 1 << 12;
+/// Least memory of one thread's table; below it the spills would be smaller than their buffers.
+const TABLE_BYTES_MIN: u64 = 1 << 20;
+
+/// Sums the quadrics of all triangles by cell: one pass over `source` on all threads of the
+/// current pool. Takes the memory that is left in the workspace's budget, and spills beyond it.
+///
+/// # Errors
+/// What reading the source fails with, a full disk, or cancellation.
+pub fn accumulate<V: Vertex>(
+    source: &Source<V>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<Partials<V>> {
+    let threads = rayon::current_num_threads();
+    let memory = workspace.budget().reserve_share(1.0, TABLE_BYTES_MIN * threads as u64);
+    let table_bytes = memory.bytes() / threads as u64;
+    let pass = source.pass();
+    let meter = monitor.meter(StageId::Cluster, source.records());
+    let (serial, triangles) = (AtomicU32::new(0), AtomicU64::new(0));
+    let work = || -> Result<(CellTable<V>, Vec<Run>)> {
+        let (mut table, mut runs) = (CellTable::new(), Vec::new());
+        let mut scratch = Scratch::default();
+        while let Some(taken) = pass.next(&mut scratch)? {
+            triangles.fetch_add(taken.triangles.len() as u64, Ordering::Relaxed);
+            for triangles in taken.triangles.chunks(TRIANGLES_PER_CHECK) {
+                table.add(&config.grid, triangles, taken.first_record);
+                if table.size_bytes() > table_bytes {
+                    let serial = serial.fetch_add(1, Ordering::Relaxed);
+                    runs.push(spill::spill(&mut table, serial, workspace)?);
+                }
+            }
+            meter.add(taken.records)?;
+        }
+        Ok((table, runs))
+    };
+    let parts = on_every_thread(threads, work)?;
+    meter.finish();
+    let (tables, runs): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    let mut findings = pass.finish();
+    let degenerate = tables.iter().map(|table: &CellTable<V>| table.degenerate).sum();
+    let first = tables.iter().filter_map(|table| table.degenerate_first).min();
+    let at = first.map_or(Position::default(), |record| Position::default().in_record(record));
+    findings.add(DefectKind::Degenerate, degenerate, at);
+    let runs = runs.into_iter().flatten().collect();
+    Ok(Partials { tables, runs, findings, triangles: triangles.into_inner() })
+}
+
+/// Makes the simplified mesh of the sums.
+///
+/// # Errors
+/// A full disk, or cancellation.
+pub fn assemble<V: Vertex>(
+    mut partials: Partials<V>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<Outcome<V>> {
+    if partials.runs.is_empty() {
+        return assemble::in_memory(partials.tables, config, monitor);
+    }
+    for mut table in partials.tables {
+        let serial = partials.runs.len() as u32;
+        partials.runs.push(spill::spill(&mut table, serial, workspace)?);
+    }
+    merge::on_disk(partials.runs, config, workspace, monitor)
+}
+
+/// Runs `work` once on each of `threads` threads of the current pool; the first error wins.
+fn on_every_thread<T: Send>(threads: usize, work: impl Fn() -> Result<T> + Sync) -> Result<Vec<T>> {
+    let done = Mutex::new(Vec::with_capacity(threads));
+    rayon::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|_| {
+                let result = work();
+                done.lock().unwrap_or_else(PoisonError::into_inner).push(result);
+            });
+        }
+    });
+    done.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
+}

@@ -1,0 +1,238 @@
+//! The partial sums of the cells one thread has seen, and the triangles between them.
+
+use glam::DVec3;
+
+use super::sums::{CellSums, LIMIT, SUMS, Stamp, TotalSums, WEIGHT};
+use crate::{
+    geometry::{CellId, Grid},
+    soup::{ATTRIBUTES_MAX, Triangle, Vertex},
+};
+
+/// Cells in first-touch order, found by id through open addressing.
+pub(super) struct CellTable<V: Vertex> {
+    /// Index into the arrays below plus one, or 0. Length a power of two.
+    slots: Vec<u32>,
+    pub(super) ids: Vec<CellId>,
+    pub(super) sums: Vec<CellSums>,
+    pub(super) attributes: Vec<V::Sums>,
+    /// Triangles with three different cells, as indices into the arrays above.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// What did not fit 32 bits.
+    pub(super) overflow: Vec<Overflow>,
+    /// The cells seen last, by the low bits of their indices: on coherent input nearly every
+    /// look-up ends here, in the first-level cache.
+    recent: Box<[(CellId, u32)]>,
+    /// Triangles without area.
+    pub(super) degenerate: u64,
+    /// First record of the first batch with one.
+    pub(super) degenerate_first: Option<u64>,
+}
+
+/// Sums moved out of a cell before they could overflow.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Overflow {
+    pub(super) id: CellId,
+    pub(super) sums: TotalSums,
+    pub(super) attributes: [i64; ATTRIBUTES_MAX],
+}
+
+/// Bits per axis of the key into [`CellTable::recent`]: 8 × 8 × 8 cells, 8 KiB.
+const RECENT_BITS: u32 = 3;
+const NO_CELL: CellId = CellId(u64::MAX);
+/// Slots of an empty table.
+const SLOTS_MIN: usize = 1 << 10;
+
+impl<V: Vertex> CellTable<V> {
+    pub(super) fn new() -> Self {
+        Self {
+            slots: vec![0; SLOTS_MIN],
+            ids: Vec::new(),
+            sums: Vec::new(),
+            attributes: Vec::new(),
+            triangles: Vec::new(),
+            overflow: Vec::new(),
+            recent: vec![(NO_CELL, 0); 1 << (3 * RECENT_BITS)].into_boxed_slice(),
+            degenerate: 0,
+            degenerate_first: None,
+        }
+    }
+
+    /// Bytes in use.
+    pub(super) fn size_bytes(&self) -> u64 {
+        let cell = size_of::<CellId>() + size_of::<CellSums>() + size_of::<V::Sums>();
+        let bytes = self.slots.len() * size_of::<u32>()
+            + self.ids.len() * cell
+            + self.triangles.len() * size_of::<[u32; 3]>()
+            + self.overflow.len() * size_of::<Overflow>();
+        bytes as u64
+    }
+
+    /// Forgets all cells and triangles, keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.slots.fill(0);
+        self.ids.clear();
+        self.sums.clear();
+        self.attributes.clear();
+        self.triangles.clear();
+        self.overflow.clear();
+        self.recent.fill((NO_CELL, 0));
+    }
+
+    /// Adds a batch of triangles that begins with record `first`.
+    pub(super) fn add(&mut self, grid: &Grid, triangles: &[Triangle<V>], first: u64) {
+        let degenerate = self.degenerate;
+        for triangle in triangles {
+            self.add_triangle(grid, triangle);
+        }
+        if degenerate == 0 && self.degenerate > 0 {
+            self.degenerate_first = Some(first);
+        }
+    }
+
+    #[inline]
+    fn add_triangle(&mut self, grid: &Grid, triangle: &Triangle<V>) {
+        let corners = triangle.0.map(|vertex| grid.to_grid(vertex.position()));
+        let cells = corners.map(|corner| grid.cell_of(corner));
+        let stamp = Stamp::new(&corners);
+        let locals = std::array::from_fn(|i| {
+            let centre = DVec3::from_array(cells[i].map(|index| f64::from(index) + 0.5));
+            (corners[i] - centre).as_vec3()
+        });
+        self.degenerate += u64::from(stamp.twice_area <= f32::MIN_POSITIVE);
+        let first = self.find(cells[0]);
+        if cells[0] == cells[1] && cells[1] == cells[2] {
+            let sums = stamp.whole(locals);
+            self.put(first, &sums);
+            for vertex in &triangle.0 {
+                self.put_attributes(first, vertex, sums[WEIGHT] / 3);
+            }
+            return;
+        }
+        let found = [first, self.find(cells[1]), self.find(cells[2])];
+        for corner in 0..3 {
+            let sums = stamp.corner(corner, locals[corner]);
+            self.put(found[corner], &sums);
+            self.put_attributes(found[corner], &triangle.0[corner], sums[WEIGHT]);
+        }
+        if found[0] != found[1] && found[1] != found[2] && found[2] != found[0] {
+            self.triangles.push(found);
+        }
+    }
+
+    /// Index of a cell, new if it must be.
+    #[inline]
+    fn find(&mut self, cell: [u32; 3]) -> u32 {
+        let mask = (1 << RECENT_BITS) - 1;
+        let near = cell.map(|index| index & mask);
+        let near = near[0] | near[1] << RECENT_BITS | near[2] << (2 * RECENT_BITS);
+        let id = CellId::new(cell);
+        let recent = &mut self.recent[near as usize & ((1 << (3 * RECENT_BITS)) - 1)];
+        if recent.0 == id {
+            return recent.1;
+        }
+        let index = self.find_slowly(id);
+        self.recent[near as usize] = (id, index);
+        index
+    }
+
+    fn find_slowly(&mut self, id: CellId) -> u32 {
+        let mask = self.slots.len() - 1;
+        let mut slot = hash(id) as usize & mask;
+        loop {
+            match self.slots[slot] {
+                0 => break,
+                entry if self.ids[entry as usize - 1] == id => return entry - 1,
+                _ => slot = (slot + 1) & mask,
+            }
+        }
+        self.ids.push(id);
+        self.sums.push([0; SUMS]);
+        self.attributes.push(V::Sums::default());
+        let entry = self.ids.len() as u32;
+        self.slots[slot] = entry;
+        // At most three quarters full.
+        if self.ids.len() * 4 > self.slots.len() * 3 {
+            self.rehash();
+        }
+        entry - 1
+    }
+
+    fn rehash(&mut self) {
+        let mask = self.slots.len() * 2 - 1;
+        // The old slots are not needed to make the new ones: free them first.
+        self.slots = Vec::new();
+        self.slots = vec![0; mask + 1];
+        for (index, id) in self.ids.iter().enumerate() {
+            let mut slot = hash(*id) as usize & mask;
+            while self.slots[slot] != 0 {
+                slot = (slot + 1) & mask;
+            }
+            self.slots[slot] = index as u32 + 1;
+        }
+    }
+
+    #[inline]
+    fn put(&mut self, cell: u32, add: &CellSums) {
+        let sums = &mut self.sums[cell as usize];
+        let mut largest = 0;
+        for (sum, add) in sums.iter_mut().zip(add) {
+            *sum += add;
+            largest |= sum.unsigned_abs();
+        }
+        if largest >= LIMIT as u32 {
+            self.move_out(cell as usize);
+        }
+    }
+
+    #[inline]
+    fn put_attributes(&mut self, cell: u32, vertex: &V, weight: i32) {
+        let sums = self.attributes[cell as usize].as_mut();
+        for (sum, add) in sums.iter_mut().zip(vertex.weigh(weight).as_ref()) {
+            *sum += add;
+        }
+    }
+
+    /// Attribute sums never exceed the sum of weights, so both move together.
+    #[cold]
+    fn move_out(&mut self, cell: usize) {
+        let sums = std::mem::replace(&mut self.sums[cell], [0; SUMS]).map(i64::from);
+        let attributes = widen(std::mem::take(&mut self.attributes[cell]).as_ref());
+        self.overflow.push(Overflow { id: self.ids[cell], sums, attributes });
+        // All triangles in one cell: keep one entry a cell, not one every few thousand triangles.
+        if self.overflow.len() >= 1 << 12 && self.overflow.len() > 2 * self.ids.len().min(1 << 20) {
+            self.compact_overflow();
+        }
+    }
+
+    /// Sorts the overflow by cell and adds up equal cells.
+    pub(super) fn compact_overflow(&mut self) {
+        self.overflow.sort_unstable_by_key(|entry| entry.id);
+        self.overflow.dedup_by(|next, kept| {
+            let same = next.id == kept.id;
+            if same {
+                add(&mut kept.sums, &next.sums);
+                add(&mut kept.attributes, &next.attributes);
+            }
+            same
+        });
+    }
+}
+
+/// Adds slices, element by element.
+pub(super) fn add(total: &mut [i64], more: &[i64]) {
+    for (total, more) in total.iter_mut().zip(more) {
+        *total += more;
+    }
+}
+
+/// Attribute sums as wide numbers; those a payload does not have are 0.
+pub(super) fn widen(sums: &[i32]) -> [i64; ATTRIBUTES_MAX] {
+    std::array::from_fn(|i| sums.get(i).copied().map_or(0, i64::from))
+}
+
+/// Spreads ids over the slots: the high half of a product with 2⁶⁴/φ.
+#[inline]
+fn hash(id: CellId) -> u64 {
+    let product = id.0.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    product ^ product >> 32
+}

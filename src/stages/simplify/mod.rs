@@ -1,0 +1,3 @@
+//! Fewer triangles: clustering.
+
+pub mod cluster;
