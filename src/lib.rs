@@ -20,6 +20,9 @@ pub mod soup;
 // The steps of a job, each with a `Config`, an `Outcome` and one verb.
 pub mod stages;
 
+// Stages in their order, from a job to a finished output.
+pub mod pipeline;
+
 pub use error::{Error, Result};
 
 const _: () = assert!(usize::BITS == 64 && cfg!(target_endian = "little"), "64-bit little-endian");

@@ -1,6 +1,7 @@
 //! The `meshmill` command.
 
-#[cfg_attr(not(test), expect(dead_code, reason = "the commands that show progress come next"))]
 mod cli;
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

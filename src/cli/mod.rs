@@ -1,7 +1,32 @@
 //! The command line: what a person sees of a job. It knows the library by its public API only.
 
+mod args;
 mod bars;
+mod commands;
 mod display;
 mod figures;
+mod host;
+mod job;
 mod lines;
+mod outcome;
 mod passes;
+mod values;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+use args::{Cli, Command};
+
+/// Does what the command line says.
+pub(crate) fn main() -> ExitCode {
+    // Misuse ends here, with exit code 2 and clap's explanation.
+    let Cli { command } = Cli::parse();
+    let host = host::host();
+    match &command {
+        Command::Simplify(args) => commands::simplify(args, &host),
+        Command::Soup(args) => commands::convert(args, meshmill::pipeline::Task::Soup, &host),
+        Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),
+        Command::Generate(args) => commands::generate(args, &host),
+    }
+}

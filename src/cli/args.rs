@@ -1,0 +1,242 @@
+//! What was typed. What it means is in `job.rs`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use meshmill::formats::Format;
+
+use super::{display::Style, values};
+
+/// Simplifies and converts triangle meshes far larger than memory.
+///
+/// Inputs are STL, PLY, OBJ, OFF or meshmill's own soup, plain or compressed with gzip or zstd;
+/// several inputs are one mesh. `-` is standard input or output.
+#[derive(Debug, Parser)]
+#[command(name = "meshmill", version, max_term_width = 100, after_help = EXAMPLES)]
+pub(super) struct Cli {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  meshmill simplify scan.ply -o small.ply --ratio 1% --memory 4GiB
+  meshmill simplify scan.stl -o small.ply -t 500k
+  meshmill soup scan.ply -o scan.stl
+  meshmill weld scan.stl -o scan.ply
+  meshmill generate gyroid --triangles 10M -o test.ply
+
+Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it says,
+4 stopped short of the target (with --strict), 130/143 interrupted.";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Fewer triangles: to a count, a ratio or a cell size
+    Simplify(Simplify),
+    /// Indexed mesh to triangle soup (.stl or .soup), triangle order kept
+    Soup(Convert),
+    /// Soup to indexed mesh (.ply or .obj): equal positions become one vertex
+    Weld(Convert),
+    /// A synthetic surface of any size, streamed
+    Generate(Generate),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Simplify {
+    #[command(flatten)]
+    pub(super) convert: Convert,
+
+    #[command(flatten)]
+    pub(super) goal: Goal,
+
+    /// How: `cluster` merges the vertices of each cell of a grid
+    #[arg(long, value_enum, default_value_t = Method::Cluster)]
+    pub(super) method: Method,
+
+    /// Clustering: weight of edges against faces in placing a vertex, 0 to 1; 0 lets boundaries
+    /// shrink
+    #[arg(long, value_name = "W", value_parser = values::share, default_value = "0.5")]
+    pub(super) boundary_weight: f64,
+
+    /// Clustering: where a vertex may lie
+    #[arg(long, value_enum, default_value_t = Placement::Constrained)]
+    pub(super) placement: Placement,
+
+    /// Exit with 4 when the wanted count is not met
+    #[arg(long)]
+    pub(super) strict: bool,
+}
+
+/// How far to simplify; one of them.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+pub(super) struct Goal {
+    /// Share of the triangles to keep: 0.01 or 1%
+    #[arg(long, value_name = "R", value_parser = values::ratio)]
+    pub(super) ratio: Option<f64>,
+
+    /// Triangles to keep: 500k, 2M; clustering meets them within 25 %
+    #[arg(short, long, value_name = "N", value_parser = values::count)]
+    pub(super) target_faces: Option<u64>,
+
+    /// Cubic cells, N along the longest side of the bounding box
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2_097_152))]
+    pub(super) cells: Option<u32>,
+
+    /// Cubic cells with this edge, in model units
+    #[arg(long, value_name = "L", value_parser = values::length)]
+    pub(super) cell_size: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Method {
+    /// Vertex clustering with quadrics
+    Cluster,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Placement {
+    /// At the least error inside its cell
+    Constrained,
+    /// At the least error anywhere, moved to the nearest point of its cell
+    Clamped,
+    /// At the least error anywhere
+    Free,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Convert {
+    #[command(flatten)]
+    pub(super) inputs: Inputs,
+
+    #[command(flatten)]
+    pub(super) output: Output,
+
+    /// Say what would be done and what it needs, and do nothing
+    #[arg(long)]
+    pub(super) dry_run: bool,
+
+    #[command(flatten)]
+    pub(super) run: Run,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Inputs {
+    /// Meshes to read; `-` is standard input
+    #[arg(required = true, value_name = "IN")]
+    pub(super) paths: Vec<PathBuf>,
+
+    /// Format of the inputs, instead of recognising it
+    #[arg(long, value_name = "FORMAT", value_parser = input_format)]
+    pub(super) input_format: Option<Format>,
+
+    /// A bad vertex or face: stop, or leave it out and count it; truncated files always stop
+    #[arg(long, value_enum, default_value_t = OnDefect::Fail)]
+    pub(super) on_defect: OnDefect,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum OnDefect {
+    /// Stop with exit code 3
+    Fail,
+    /// Leave it out, count it and say so
+    Skip,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Output {
+    /// File to write; `-` is standard output; .gz and .zst compress
+    #[arg(short = 'o', long = "output", value_name = "OUT")]
+    pub(super) path: PathBuf,
+
+    /// Format of the output, instead of by its name
+    #[arg(long = "output-format", value_name = "FORMAT", value_parser = output_format)]
+    pub(super) format: Option<Format>,
+
+    /// Replace OUT if it exists
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// What every command that works takes.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Running")]
+pub(super) struct Run {
+    /// Memory to keep to [default: half of what is available]
+    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
+    pub(super) memory: Option<u64>,
+
+    /// Threads [default: all]
+    #[arg(short = 'j', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) threads: Option<u16>,
+
+    /// Folder for temporary files [default: $TMPDIR, or the output's folder]
+    #[arg(long, value_name = "DIR")]
+    pub(super) temp_dir: Option<PathBuf>,
+
+    /// Write what was done as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Option<PathBuf>,
+
+    /// How progress is shown, on standard error
+    #[arg(long, value_enum, default_value_t = Style::Auto)]
+    pub(super) progress: Style,
+
+    /// Errors only
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+
+    /// Say more: the plan before the work
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(super) verbose: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Generate {
+    /// The surface
+    #[arg(value_enum)]
+    pub(super) kind: Kind,
+
+    /// Triangles wanted: 10M; closed surfaces come within a few per cent
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    pub(super) triangles: u64,
+
+    /// Height of the noise, 0 to 0.3, relative to the size of a feature
+    #[arg(long, default_value_t = meshmill::stages::generate::NOISE_DEFAULT)]
+    pub(super) noise: f64,
+
+    /// Which noise
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+
+    #[command(flatten)]
+    pub(super) output: Output,
+
+    #[command(flatten)]
+    pub(super) run: Run,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Kind {
+    /// A ball of gyroid: closed, of high genus
+    Gyroid,
+    /// A sphere: closed
+    Sphere,
+    /// A square of hills: with a boundary
+    HeightField,
+}
+
+fn input_format(text: &str) -> Result<Format, String> {
+    let formats = [Format::Stl, Format::Ply, Format::Obj, Format::Off, Format::Soup];
+    named_format(text, &formats)
+}
+
+fn output_format(text: &str) -> Result<Format, String> {
+    named_format(text, &[Format::Stl, Format::Ply, Format::Obj, Format::Soup])
+}
+
+fn named_format(text: &str, formats: &[Format]) -> Result<Format, String> {
+    let names: Vec<&str> = formats.iter().map(|format| format.name()).collect();
+    let found = formats.iter().find(|format| format.name().eq_ignore_ascii_case(text));
+    found.copied().ok_or_else(|| format!("one of {}", names.join(", ")))
+}

@@ -1,0 +1,203 @@
+//! What was typed, and what it means on this machine: pure, and tested flag by flag.
+
+use std::path::{Path, PathBuf};
+
+use meshmill::{
+    Error, Result,
+    formats::{self, Compression, Format},
+    geometry,
+    pipeline::{self, Job, Task},
+    soup::InputPath,
+    stages::convert::export::Target,
+    storage::Overwrite,
+};
+
+use super::args::{Convert, Goal, Inputs, OnDefect, Output, Placement, Run, Simplify};
+
+/// What the machine offers.
+#[derive(Clone, Debug)]
+pub(super) struct Host {
+    /// Memory that could be used now.
+    pub(super) memory_bytes_available: u64,
+    /// Processors.
+    pub(super) threads: usize,
+    /// `$TMPDIR`.
+    pub(super) temp_dir: Option<PathBuf>,
+    /// Standard output is a terminal.
+    pub(super) stdout_is_terminal: bool,
+}
+
+/// Where results go, with what they look like.
+pub(super) struct Destination {
+    pub(super) target: Target,
+    pub(super) format: Format,
+    pub(super) compression: Compression,
+}
+
+/// The job of `simplify`.
+pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
+    let placement = match args.placement {
+        Placement::Constrained => geometry::Placement::Constrained,
+        Placement::Clamped => geometry::Placement::Clamped,
+        Placement::Free => geometry::Placement::Free,
+    };
+    let goal = goal(&args.goal);
+    let simplify = pipeline::Simplify { goal, boundary_weight: args.boundary_weight, placement };
+    convert(&args.convert, Task::Simplify(simplify), host)
+}
+
+fn goal(args: &Goal) -> pipeline::Goal {
+    match (args.ratio, args.target_faces, args.cells, args.cell_size) {
+        (Some(ratio), ..) => pipeline::Goal::Ratio(ratio),
+        (_, Some(count), ..) => pipeline::Goal::Triangles(count),
+        (_, _, Some(cells), _) => pipeline::Goal::Cells(cells),
+        (.., Some(size)) => pipeline::Goal::CellSize(size),
+        (None, None, None, None) => unreachable!("clap wants one of them"),
+    }
+}
+
+/// The job of `soup` and `weld`, and the frame of `simplify`.
+pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
+    let Destination { target, format, compression } = destination(&args.output, host)?;
+    let folder = match &target {
+        Target::File(path, _) => path.parent().filter(|folder| *folder != Path::new("")),
+        Target::Stdout => None,
+    };
+    Ok(Job {
+        task,
+        inputs: input_paths(&args.inputs),
+        input_format: args.inputs.input_format,
+        on_defect: on_defect(&args.inputs),
+        output_format: format,
+        compression,
+        memory_bytes: memory_bytes(&args.run, host),
+        threads: threads(&args.run, host),
+        temp_dir: temp_dir(&args.run, folder, host),
+        target,
+    })
+}
+
+/// Where `output` is and in which format.
+pub(super) fn destination(output: &Output, host: &Host) -> Result<Destination> {
+    let path = &output.path;
+    let overwrite = if output.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let is_stream = path == Path::new("-");
+    if is_stream && host.stdout_is_terminal {
+        let text = "a mesh is not written to a terminal; redirect standard output";
+        return Err(Error::Request(text.to_owned()));
+    }
+    let format = output.format.or_else(|| Format::from_path(path)).ok_or_else(|| {
+        let name = if is_stream { "standard output".into() } else { path.display().to_string() };
+        Error::Request(format!("the format of {name} is not clear; say --output-format"))
+    })?;
+    let target = if is_stream { Target::Stdout } else { Target::File(path.clone(), overwrite) };
+    Ok(Destination { target, format, compression: Compression::from_path(path) })
+}
+
+/// The inputs of any command.
+pub(super) fn input_paths(args: &Inputs) -> Vec<InputPath> {
+    let path = |path: &PathBuf| match path {
+        path if path == Path::new("-") => InputPath::Stdin,
+        path => InputPath::File(path.clone()),
+    };
+    args.paths.iter().map(path).collect()
+}
+
+/// Policy for bad records.
+pub(super) fn on_defect(args: &Inputs) -> formats::OnDefect {
+    match args.on_defect {
+        OnDefect::Fail => formats::OnDefect::Fail,
+        OnDefect::Skip => formats::OnDefect::Skip,
+    }
+}
+
+/// Memory to keep to.
+pub(super) fn memory_bytes(args: &Run, host: &Host) -> u64 {
+    args.memory.unwrap_or(host.memory_bytes_available / 2)
+}
+
+/// Threads to work with.
+pub(super) fn threads(args: &Run, host: &Host) -> usize {
+    args.threads.map_or(host.threads, usize::from)
+}
+
+/// Folder for temporary files: where there is most likely room, beside the output.
+pub(super) fn temp_dir(args: &Run, output_folder: Option<&Path>, host: &Host) -> PathBuf {
+    let chosen = args.temp_dir.clone().or_else(|| host.temp_dir.clone());
+    chosen.unwrap_or_else(|| output_folder.unwrap_or(Path::new(".")).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::cli::args::{Cli, Command};
+
+    fn host() -> Host {
+        Host {
+            memory_bytes_available: 8 << 30,
+            threads: 6,
+            temp_dir: None,
+            stdout_is_terminal: false,
+        }
+    }
+
+    fn job(line: &str) -> Result<Job> {
+        let words = std::iter::once("meshmill").chain(line.split(' '));
+        match Cli::try_parse_from(words).expect("the line parses").command {
+            Command::Simplify(args) => simplify(&args, &host()),
+            Command::Soup(args) => convert(&args, Task::Soup, &host()),
+            other => panic!("{other:?} is no job"),
+        }
+    }
+
+    #[test]
+    fn defaults_come_from_the_machine() {
+        let job = job("soup a.ply -o out/b.stl").unwrap();
+        assert_eq!((job.memory_bytes, job.threads), (4 << 30, 6));
+        assert_eq!(job.temp_dir, Path::new("out"));
+        assert_eq!(job.output_format, Format::Stl);
+        assert_eq!(job.target, Target::File("out/b.stl".into(), Overwrite::Refuse));
+        assert_eq!(job.inputs, [InputPath::File("a.ply".into())]);
+    }
+
+    #[test]
+    fn every_goal_is_understood() {
+        let goal = |line: &str| match job(line).unwrap().task {
+            Task::Simplify(simplify) => simplify.goal,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(goal("simplify a -o b.ply --ratio 1%"), pipeline::Goal::Ratio(0.01));
+        assert_eq!(goal("simplify a -o b.ply -t 100k"), pipeline::Goal::Triangles(100_000));
+        assert_eq!(goal("simplify a -o b.ply --cells 64"), pipeline::Goal::Cells(64));
+        assert_eq!(goal("simplify a -o b.ply --cell-size .5"), pipeline::Goal::CellSize(0.5));
+    }
+
+    #[test]
+    fn a_goal_is_one_of_them() {
+        for line in ["simplify a -o b.ply", "simplify a -o b.ply -t 5 --cells 9"] {
+            let words = std::iter::once("meshmill").chain(line.split(' '));
+            assert!(Cli::try_parse_from(words).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn flags_of_running_are_taken_over() {
+        let job = job(
+            "soup - -o - --output-format soup --memory 64MiB -j 2 --temp-dir t --on-defect skip",
+        )
+        .unwrap();
+        assert_eq!((job.memory_bytes, job.threads), (64 << 20, 2));
+        assert_eq!((job.temp_dir.as_path(), job.target), (Path::new("t"), Target::Stdout));
+        assert_eq!(job.on_defect, formats::OnDefect::Skip);
+        assert_eq!(job.inputs, [InputPath::Stdin]);
+    }
+
+    #[test]
+    fn compression_is_looked_through_and_an_unknown_name_refused() {
+        let job = job("soup a.ply -o b.stl.zst --force").unwrap();
+        assert_eq!((job.output_format, job.compression), (Format::Stl, Compression::Zstd));
+        assert!(super::tests::job("soup a.ply -o b.xyz").is_err());
+    }
+}

@@ -1,0 +1,70 @@
+//! What is to be done, completely: plain data, made from the command line or by a program.
+
+use std::path::PathBuf;
+
+use crate::{
+    formats::{Compression, Format, OnDefect},
+    geometry::Placement,
+    soup::InputPath,
+    stages::convert::export::Target,
+};
+
+/// One job.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// What to do with the inputs.
+    pub task: Task,
+    /// The inputs: one mesh, in this order.
+    pub inputs: Vec<InputPath>,
+    /// Format of all inputs; recognised when `None`.
+    pub input_format: Option<Format>,
+    /// Policy for bad records.
+    pub on_defect: OnDefect,
+    /// Where the result goes.
+    pub target: Target,
+    /// Format of the result.
+    pub output_format: Format,
+    /// Compression of the result.
+    pub compression: Compression,
+    /// Memory to keep to, in bytes, beside a constant of at most 64 MiB.
+    pub memory_bytes: u64,
+    /// Threads to work with, at least 1.
+    pub threads: usize,
+    /// Folder for the workspace; must exist.
+    pub temp_dir: PathBuf,
+}
+
+/// What to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// Fewer triangles.
+    Simplify(Simplify),
+    /// Indexed mesh to triangle soup, order kept.
+    Soup,
+    /// Soup to indexed mesh.
+    Weld,
+}
+
+/// How to simplify (by clustering, the one method there is).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simplify {
+    /// How far.
+    pub goal: Goal,
+    /// Share of edge quadrics, 0 to 1.
+    pub boundary_weight: f64,
+    /// Where representatives may lie in their cells.
+    pub placement: Placement,
+}
+
+/// How far to simplify.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// About this many triangles.
+    Triangles(u64),
+    /// About this share of the input's triangles, above 0, at most 1.
+    Ratio(f64),
+    /// Cubic cells, this many along the longest side of the bounding box.
+    Cells(u32),
+    /// Cubic cells with this edge, in model units.
+    CellSize(f64),
+}

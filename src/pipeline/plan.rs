@@ -1,0 +1,270 @@
+//! What a job will do, before it does it: pure, from facts about the inputs.
+
+use std::fmt;
+
+use super::{Goal, Job, Task};
+use crate::{
+    error::{Error, Result},
+    formats::{Compression, Declared, Format},
+    progress::StageId,
+    soup::{ColoredPoint, InputPath, Point, Triangle},
+    stages::convert::export::Target,
+};
+
+/// What is known of an input before it is read.
+#[derive(Clone, Debug)]
+pub struct InputFacts {
+    /// Where it is.
+    pub path: InputPath,
+    /// What its header says.
+    pub declared: Declared,
+    /// Bytes on disk, `None` for a stream.
+    pub size_bytes: Option<u64>,
+    /// It can be read again.
+    pub repeatable: bool,
+}
+
+/// The stages of a job and what they need.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// In order.
+    pub stages: Vec<PlannedStage>,
+    /// Vertices, as far as headers and sizes tell.
+    pub vertices: Option<u64>,
+    /// Faces and soup triangles, as far as headers and sizes tell.
+    pub records: Option<u64>,
+    /// Peak memory: the budget and what lies beside it.
+    pub memory_bytes: u64,
+    /// Peak of temporary files, at most; `None` when only the end of a stream will tell.
+    pub temporary_bytes: Option<u64>,
+    /// Size of the result, about; `None` when not known.
+    pub output_bytes: Option<u64>,
+    /// What is worth knowing: spooling, spilling.
+    pub notes: Vec<String>,
+}
+
+/// A stage of a plan.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlannedStage {
+    /// Stage.
+    pub stage: StageId,
+    /// What it does here.
+    pub what: String,
+}
+
+/// Memory beside the budget: the program, its buffers, the allocator's slack.
+pub(super) const MEMORY_BYTES_CONSTANT: u64 = 64 << 20;
+/// Least budget a job is accepted with.
+pub(super) const MEMORY_BYTES_MIN: u64 = 1 << 20;
+/// Share of the budget a vertex table may take when clustering needs memory beside it.
+const TABLE_SHARE_CLUSTER: f64 = 0.6;
+/// The same when nothing else does.
+const TABLE_SHARE_CONVERT: f64 = 0.9;
+/// Bytes a cell and its two triangles take in the tables of clustering.
+const CLUSTER_BYTES_PER_CELL: u64 = 110;
+/// Bytes a cell and its triangles take on disk while runs are merged: the runs themselves, ids,
+/// vertices, and two generations of triangles; with overlap between runs.
+const SPILL_BYTES_PER_CELL: u64 = 400;
+/// Bytes a triangle takes when corners are sorted on disk to weld them: two sorters of three
+/// records each.
+const WELD_BYTES_PER_TRIANGLE: u64 = 3 * (24 + 32 + 16);
+/// Bytes of a line of text that holds a vertex or a face, at least.
+const LINE_BYTES_MIN: u64 = 7;
+/// Bytes of a stored corner.
+const CORNER_BYTES: u64 = 8;
+
+/// Sizes of the records of a job.
+#[derive(Clone, Copy)]
+struct Sizes {
+    vertex: u64,
+    triangle: u64,
+}
+
+impl Job {
+    /// Share of the budget that vertex tables may take.
+    pub(super) fn table_share(&self) -> f64 {
+        match self.task {
+            Task::Simplify(_) => TABLE_SHARE_CLUSTER,
+            Task::Soup | Task::Weld => TABLE_SHARE_CONVERT,
+        }
+    }
+}
+
+/// Decides the stages of `job` and estimates what they need.
+///
+/// # Errors
+/// [`Error::Request`] when the request contradicts itself, [`Error::Resource`] when the memory
+/// cannot suffice.
+pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
+    check_request(job)?;
+    let indexed = |facts: &&InputFacts| facts.declared.indexed;
+    let mut plan = Plan {
+        stages: Vec::new(),
+        vertices: inputs.iter().filter(indexed).map(|facts| facts.declared.vertices).sum(),
+        records: inputs.iter().map(|facts| facts.declared.faces).sum(),
+        memory_bytes: job.memory_bytes + MEMORY_BYTES_CONSTANT,
+        temporary_bytes: Some(0),
+        output_bytes: None,
+        notes: Vec::new(),
+    };
+    let sizes = if inputs.iter().any(|facts| facts.declared.colors) {
+        let triangle = size_of::<Triangle<ColoredPoint>>() as u64;
+        Sizes { vertex: size_of::<ColoredPoint>() as u64, triangle }
+    } else {
+        Sizes { vertex: size_of::<Point>() as u64, triangle: size_of::<Triangle<Point>>() as u64 }
+    };
+    for facts in inputs {
+        if facts.declared.indexed {
+            plan_vertices(job, facts, sizes, &mut plan);
+        } else {
+            plan_soup(job, facts, sizes, &mut plan);
+        }
+    }
+    match &job.task {
+        Task::Simplify(simplify) => plan_clustering(job, simplify.goal, sizes, &mut plan),
+        Task::Weld => plan_weld(job, &mut plan),
+        Task::Soup => {}
+    }
+    plan_export(job, &mut plan);
+    Ok(plan)
+}
+
+fn check_request(job: &Job) -> Result<()> {
+    if job.memory_bytes < MEMORY_BYTES_MIN {
+        let (needed_bytes, available_bytes) = (MEMORY_BYTES_MIN, job.memory_bytes);
+        return Err(Error::Resource { what: "the job", needed_bytes, available_bytes });
+    }
+    let streams = job.inputs.iter().filter(|path| **path == InputPath::Stdin).count();
+    if streams > 0 && job.inputs.len() > 1 {
+        return Err(Error::Request("standard input must be the only input".to_owned()));
+    }
+    let format = job.output_format.name();
+    let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
+    let refused = match job.task {
+        _ if job.output_format == Format::Off => "off can be read but not written".to_owned(),
+        Task::Soup if indexed => format!("{format} is indexed; a soup is written as stl or soup"),
+        Task::Weld if !indexed => format!("{format} has no indices; weld writes ply or obj"),
+        _ => return Ok(()),
+    };
+    Err(Error::Request(refused))
+}
+
+fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
+    let path = &facts.path;
+    if !matches!(job.task, Task::Simplify(_)) {
+        return;
+    }
+    if facts.repeatable {
+        plan.stage(StageId::Import, format!("measure {path} (one pass)"));
+        return;
+    }
+    plan.add_temporary(facts.declared.faces.map(|count| count * sizes.triangle));
+    plan.stage(StageId::Import, format!("set {path} aside and measure it"));
+    plan.notes.push(format!("{path} can be read only once and is needed twice: set aside on disk"));
+}
+
+fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
+    let path = &facts.path;
+    let lines = facts.size_bytes.map(|bytes| bytes / LINE_BYTES_MIN);
+    let table_bytes = facts.declared.vertices.or(lines).map(|count| count * sizes.vertex);
+    let share = job.memory_bytes as f64 * job.table_share();
+    let known = facts.declared.vertices.map(|count| count * sizes.vertex);
+    let in_memory = known.is_some_and(|bytes| bytes as f64 <= share);
+    let mut what = format!("read the vertices of {path} into memory");
+    if !in_memory {
+        plan.add_temporary(table_bytes);
+        what += ", or on disk if they outgrow their share of it";
+    }
+    let needed_twice = matches!(job.task, Task::Simplify(_)) && !facts.repeatable;
+    if !facts.declared.vertices_first || needed_twice {
+        let faces = facts.declared.faces.or(lines);
+        plan.add_temporary(faces.map(|count| count * 3 * CORNER_BYTES));
+        what += "; set the faces aside";
+    }
+    plan.stage(StageId::Import, what);
+    if !in_memory {
+        // When indices turn out not to be local, references and soup lie side by side.
+        let faces = facts.declared.faces.or(lines);
+        plan.add_temporary(faces.map(|count| count * 3 * (16 + 8 + 2 * sizes.vertex)));
+        plan.stage(
+            StageId::Dereference,
+            "look up corners block by block if they are scattered".into(),
+        );
+    }
+}
+
+fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
+    let wanted = match goal {
+        Goal::Triangles(count) => Some(count),
+        Goal::Ratio(ratio) => plan.records.map(|count| (count as f64 * ratio) as u64),
+        Goal::Cells(_) | Goal::CellSize(_) => None,
+    };
+    if matches!(goal, Goal::Triangles(_) | Goal::Ratio(_)) {
+        plan.stage(StageId::Estimate, "find the cell size for the wanted count".to_owned());
+    }
+    plan.stage(StageId::Cluster, "sum quadrics by cell (one pass)".to_owned());
+    plan.stage(StageId::Assemble, "place the vertices, number the triangles".to_owned());
+    // Without a wanted count, every triangle could be in cells of its own.
+    let cells = wanted.map(|count| count / 2).or(plan.records.map(|count| count / 2));
+    let table_bytes = plan.vertices.map_or(0, |count| count * sizes.vertex);
+    let room = job.memory_bytes.saturating_sub(table_bytes);
+    if cells.is_none_or(|cells| cells * CLUSTER_BYTES_PER_CELL > room) {
+        plan.add_temporary(cells.map(|cells| cells * SPILL_BYTES_PER_CELL));
+        plan.notes.push("sums that outgrow the memory are spilled to disk and merged".to_owned());
+    }
+    plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
+}
+
+fn plan_weld(job: &Job, plan: &mut Plan) {
+    plan.stage(StageId::Weld, "give equal positions one number".to_owned());
+    if plan.records.is_none_or(|count| count * 48 > job.memory_bytes) {
+        plan.add_temporary(plan.records.map(|count| count * WELD_BYTES_PER_TRIANGLE));
+        plan.notes.push("corners that outgrow the memory are sorted on disk".to_owned());
+    }
+}
+
+fn plan_export(job: &Job, plan: &mut Plan) {
+    let name = match &job.target {
+        Target::File(path, _) => path.display().to_string(),
+        Target::Stdout => "standard output".to_owned(),
+    };
+    if job.task == Task::Soup {
+        let bytes = if job.output_format == Format::Stl { 50 } else { 36 };
+        plan.output_bytes = plan.records.map(|count| count * bytes);
+        let streamed = job.target == Target::Stdout || job.compression != Compression::None;
+        if streamed && job.output_format == Format::Stl {
+            plan.add_temporary(plan.output_bytes);
+            plan.notes
+                .push("an stl begins with its count: set aside until that is known".to_owned());
+        }
+    }
+    plan.stage(StageId::Export, format!("write {name} ({})", job.output_format.name()));
+}
+
+impl Plan {
+    fn stage(&mut self, stage: StageId, what: String) {
+        self.stages.push(PlannedStage { stage, what });
+    }
+
+    /// Adds temporary files; the sum is unknown as soon as a part is.
+    fn add_temporary(&mut self, bytes: Option<u64>) {
+        self.temporary_bytes = self.temporary_bytes.zip(bytes).map(|(total, more)| total + more);
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, planned) in self.stages.iter().enumerate() {
+            writeln!(f, "{:2}. {:11} {}", index + 1, planned.stage.name(), planned.what)?;
+        }
+        let size = |bytes: u64| bytesize::ByteSize(bytes).to_string();
+        let known = |bytes: Option<u64>| bytes.map_or("known only at the end".to_owned(), size);
+        writeln!(f, "memory     at most {}", size(self.memory_bytes))?;
+        writeln!(f, "temporary  {}", known(self.temporary_bytes))?;
+        writeln!(f, "output     {}", known(self.output_bytes))?;
+        for note in &self.notes {
+            writeln!(f, "note       {note}")?;
+        }
+        Ok(())
+    }
+}

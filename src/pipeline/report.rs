@@ -1,0 +1,129 @@
+//! What a job did, for scripts: the JSON of `--report`. Names are a contract.
+
+use serde::Serialize;
+
+use crate::{formats::Findings, geometry::Bounds};
+
+/// All of it.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Report {
+    /// The inputs together.
+    pub input: InputReport,
+    /// The result.
+    pub output: OutputReport,
+    /// Whether a wanted count was met within the method's tolerance; `None` without one.
+    pub reached_target: Option<bool>,
+    /// What ended the simplification: `target`, `cells`, or `resolution` when no grid comes
+    /// nearer to the target.
+    pub stopped_by: Option<&'static str>,
+    /// Clustering: what it worked with.
+    pub cluster: Option<ClusterReport>,
+    /// Largest resident set of the process.
+    pub peak_memory_bytes: u64,
+    /// Largest total of temporary files.
+    pub temporary_bytes_peak: u64,
+    /// Wall clock.
+    pub seconds: f64,
+    /// Per stage, in order of first appearance.
+    pub stages: Vec<StageReport>,
+    /// Attributes not carried.
+    pub dropped: Vec<String>,
+    /// Defects by kind.
+    pub defects: Vec<DefectReport>,
+}
+
+/// The inputs of a job.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct InputReport {
+    /// Triangles read (after polygons were triangulated).
+    pub triangles: u64,
+    /// Vertices; `None` for soups.
+    pub vertices: Option<u64>,
+    /// Bounding box in model units, when the job needed it.
+    pub bounds: Option<BoundsReport>,
+}
+
+/// A bounding box in model units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BoundsReport {
+    /// Smallest coordinates.
+    pub min: [f64; 3],
+    /// Largest coordinates.
+    pub max: [f64; 3],
+}
+
+/// The result of a job.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct OutputReport {
+    /// Triangles written.
+    pub triangles: u64,
+    /// Vertices written; `None` for soups.
+    pub vertices: Option<u64>,
+    /// Bytes written; 0 when they went to standard output.
+    pub bytes: u64,
+}
+
+/// How clustering went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ClusterReport {
+    /// Cells along x, y, z.
+    pub cells: [u32; 3],
+    /// Edge of a cell in model units.
+    pub cell_size: f64,
+    /// Cells that held vertices.
+    pub cells_occupied: u64,
+    /// Triangles the estimate promised, when there was one.
+    pub triangles_estimated: Option<u64>,
+    /// Runs spilled to disk.
+    pub spills: u64,
+    /// Times the input was clustered to meet the count.
+    pub attempts: u32,
+}
+
+/// One stage.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageReport {
+    /// Name.
+    pub name: String,
+    /// Wall clock, all passes.
+    pub seconds: f64,
+    /// Records visited, all passes.
+    pub records: u64,
+}
+
+/// One kind of defect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DefectReport {
+    /// Kind.
+    pub kind: &'static str,
+    /// Occurrences.
+    pub count: u64,
+    /// Place of the first, in words.
+    pub first: String,
+}
+
+impl Report {
+    /// Takes over what readers found.
+    pub fn add_findings(&mut self, findings: &Findings) {
+        self.dropped.clone_from(&findings.dropped);
+        self.defects = findings
+            .defects
+            .iter()
+            .map(|defect| DefectReport {
+                kind: defect.kind.name(),
+                count: defect.count,
+                first: defect.first.to_string(),
+            })
+            .collect();
+    }
+}
+
+impl BoundsReport {
+    /// The box in model units; `None` when it is empty.
+    #[must_use]
+    pub fn new(bounds: &Bounds, origin: [f64; 3]) -> Option<Self> {
+        let at =
+            |corner: [f32; 3]| std::array::from_fn(|axis| f64::from(corner[axis]) + origin[axis]);
+        (!bounds.is_empty()).then(|| Self { min: at(bounds.min), max: at(bounds.max) })
+    }
+}

@@ -1,0 +1,231 @@
+//! Doing a job: inputs opened, the plan made, the stages run one after the other.
+
+use std::{path::Path, time::Instant};
+
+use super::{
+    BoundsReport, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
+    attempts::Clustered, plan,
+};
+use crate::{
+    error::{Error, IoContext as _, Result},
+    formats::{Findings, Format, Origin, Precision, WriteOptions},
+    progress::Monitor,
+    soup::{ColoredPoint, IndexedMesh, Input, InputPath, OpenInput, Point, Vertex},
+    stages::convert::{
+        dereference,
+        export::{self, Target},
+        import::{self, Need, Survey},
+        reindex,
+    },
+    storage::{Budget, Overwrite, Workspace, available_disk_bytes},
+};
+
+/// A job whose inputs are open and whose plan is made; nothing is written yet.
+pub struct Prepared {
+    job: Job,
+    inputs: Vec<OpenInput>,
+    /// What will be done.
+    pub plan: Plan,
+}
+
+/// Opens the inputs of `job` and plans it.
+///
+/// # Errors
+/// [`Error::Input`] when an input's header is wrong, [`Error::Io`] when it cannot be opened,
+/// [`Error::Request`] and [`Error::Resource`] when the job cannot be done as asked.
+pub fn prepare(job: Job) -> Result<Prepared> {
+    check_target(&job)?;
+    let open = |path: &InputPath| {
+        let (format, on_defect) = (job.input_format, job.on_defect);
+        Input { path: path.clone(), format, on_defect, origin: Origin::undecided() }.open()
+    };
+    let inputs = job.inputs.iter().map(open).collect::<Result<Vec<_>>>()?;
+    let facts = |open: &OpenInput| InputFacts {
+        path: open.input.path.clone(),
+        declared: open.reader.declared().clone(),
+        size_bytes: open.size_bytes,
+        repeatable: open.input.is_repeatable(),
+    };
+    let plan = plan(&job, &inputs.iter().map(facts).collect::<Vec<_>>())?;
+    check_disk(&job, &plan)?;
+    Ok(Prepared { job, inputs, plan })
+}
+
+/// Refuses an output that is an input, or that is there and not to be replaced.
+fn check_target(job: &Job) -> Result<()> {
+    let Target::File(path, overwrite) = &job.target else { return Ok(()) };
+    let same = |input: &InputPath| match (input, path.canonicalize()) {
+        (InputPath::File(input), Ok(output)) => input.canonicalize().is_ok_and(|i| i == output),
+        _ => false,
+    };
+    if job.inputs.iter().any(same) {
+        let text = format!("{} is an input and cannot be the output", path.display());
+        return Err(Error::Request(text));
+    }
+    if *overwrite == Overwrite::Refuse && path.exists() {
+        return Err(Error::Request(format!("{} exists", path.display())));
+    }
+    Ok(())
+}
+
+/// Refuses a job that the disks cannot hold.
+fn check_disk(job: &Job, plan: &Plan) -> Result<()> {
+    let check = |what, folder: &Path, needed_bytes: Option<u64>| {
+        let available_bytes = available_disk_bytes(folder)?;
+        match needed_bytes {
+            Some(needed_bytes) if needed_bytes > available_bytes => {
+                Err(Error::Resource { what, needed_bytes, available_bytes })
+            }
+            _ => Ok(()),
+        }
+    };
+    check("the folder for temporary files", &job.temp_dir, plan.temporary_bytes)?;
+    match &job.target {
+        Target::File(path, _) => {
+            let folder = path.parent().filter(|folder| *folder != Path::new(""));
+            check("the output", folder.unwrap_or(Path::new(".")), plan.output_bytes)
+        }
+        Target::Stdout => Ok(()),
+    }
+}
+
+impl Prepared {
+    /// Runs the plan.
+    ///
+    /// # Errors
+    /// What the stages fail with; nothing is left under the output's name then.
+    pub fn run(self, monitor: &Monitor) -> Result<Report> {
+        let started = Instant::now();
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(self.job.threads).build();
+        let threads =
+            threads.map_err(std::io::Error::other).at("start threads in", Path::new("."))?;
+        let workspace = Workspace::create(&self.job.temp_dir)?;
+        let workspace = workspace.with_budget(Budget::new(self.job.memory_bytes));
+        let colored = self.inputs.iter().any(|open| open.reader.declared().colors);
+        let double = self.inputs.iter().any(|open| open.reader.declared().double);
+        let run = Run { job: &self.job, double, workspace: &workspace, monitor };
+        let inputs = self.inputs;
+        let mut report = threads.install(|| {
+            if colored { run.task::<ColoredPoint>(inputs) } else { run.task::<Point>(inputs) }
+        })?;
+        report.temporary_bytes_peak = workspace.disk_bytes_peak();
+        report.seconds = started.elapsed().as_secs_f64();
+        Ok(report)
+    }
+}
+
+/// What the stages of one run share.
+pub(super) struct Run<'a> {
+    pub(super) job: &'a Job,
+    /// An input has more than single precision.
+    double: bool,
+    pub(super) workspace: &'a Workspace,
+    pub(super) monitor: &'a Monitor<'a>,
+}
+
+impl Run<'_> {
+    fn task<V: Vertex>(&self, inputs: Vec<OpenInput>) -> Result<Report> {
+        match &self.job.task {
+            Task::Simplify(simplify) => self.simplify::<V>(inputs, simplify),
+            Task::Soup => self.soup::<V>(inputs),
+            Task::Weld => self.weld::<V>(inputs),
+        }
+    }
+
+    /// Reads the inputs as far as must be before the triangles can be used.
+    pub(super) fn import<V: Vertex>(
+        &self,
+        inputs: Vec<OpenInput>,
+        need: Need,
+    ) -> Result<import::Outcome<V>> {
+        let config = import::Config { need, table_share: self.job.table_share() };
+        let imported = import::import(inputs, &config, self.workspace, self.monitor)?;
+        let source = dereference::dereference(imported.source, self.workspace, self.monitor)?;
+        Ok(import::Outcome { source, ..imported })
+    }
+
+    fn soup<V: Vertex>(&self, inputs: Vec<OpenInput>) -> Result<Report> {
+        let import::Outcome { source, survey } = self.import::<V>(inputs, Need::Triangles)?;
+        let config = self.export_config::<V>(survey.origin);
+        let written = export::export_soup(&source, &config, self.workspace, self.monitor)?;
+        let mut report = report_input(&survey, written.counts.triangles);
+        self.report_output::<V>(&written, &written.findings, &mut report);
+        Ok(report)
+    }
+
+    fn weld<V: Vertex>(&self, inputs: Vec<OpenInput>) -> Result<Report> {
+        let import::Outcome { source, survey } = self.import::<V>(inputs, Need::Triangles)?;
+        let welded = reindex::reindex(&source, self.workspace, self.monitor)?;
+        drop(source);
+        let mut report = report_input(&survey, welded.mesh.counts().triangles);
+        self.export_mesh(&welded.mesh, &survey, &welded.findings, &mut report)?;
+        Ok(report)
+    }
+
+    fn simplify<V: Vertex>(&self, inputs: Vec<OpenInput>, simplify: &Simplify) -> Result<Report> {
+        let clustered = self.cluster_to_goal::<V>(inputs, simplify)?;
+        let mut report = report_input(&clustered.survey, clustered.triangles_in);
+        report.reached_target = clustered.wanted.map(|_| clustered.is_met());
+        report.stopped_by = Some(match report.reached_target {
+            None => "cells",
+            Some(true) => "target",
+            Some(false) => "resolution",
+        });
+        report.cluster = Some(clustered.report);
+        let Clustered { mesh, survey, findings, .. } = clustered;
+        self.export_mesh(&mesh, &survey, &findings, &mut report)?;
+        Ok(report)
+    }
+
+    fn export_mesh<V: Vertex>(
+        &self,
+        mesh: &IndexedMesh<V>,
+        survey: &Survey,
+        findings: &Findings,
+        report: &mut Report,
+    ) -> Result<()> {
+        let config = self.export_config::<V>(survey.origin);
+        let written = export::export_mesh(mesh, &config, self.workspace, self.monitor)?;
+        self.report_output::<V>(&written, findings, report);
+        Ok(())
+    }
+
+    fn export_config<V: Vertex>(&self, origin: [f64; 3]) -> export::Config {
+        let far = origin != [0.0; 3];
+        let precision = if self.double || far { Precision::Double } else { Precision::Single };
+        export::Config {
+            target: self.job.target.clone(),
+            format: self.job.output_format,
+            compression: self.job.compression,
+            write: WriteOptions { precision, origin, colors: V::COLORED },
+        }
+    }
+
+    fn report_output<V: Vertex>(
+        &self,
+        written: &export::Outcome,
+        findings: &Findings,
+        report: &mut Report,
+    ) {
+        let indexed = matches!(self.job.output_format, Format::Ply | Format::Obj);
+        report.output = OutputReport {
+            triangles: written.counts.triangles,
+            vertices: indexed.then_some(written.counts.vertices),
+            bytes: written.size_bytes,
+        };
+        let mut findings = findings.clone();
+        if V::COLORED && self.job.output_format == Format::Stl {
+            findings.drop_attribute("vertex colours (stl has none)");
+        }
+        report.add_findings(&findings);
+    }
+}
+
+fn report_input(survey: &Survey, triangles: u64) -> Report {
+    let input = InputReport {
+        triangles,
+        vertices: (survey.vertices > 0).then_some(survey.vertices),
+        bounds: BoundsReport::new(&survey.bounds, survey.origin),
+    };
+    Report { input, ..Report::default() }
+}
