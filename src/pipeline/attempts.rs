@@ -80,12 +80,15 @@ impl Run<'_> {
             let grid = self.grid(&outcome.survey, simplify.goal, cells)?;
             let (next, outcome) = self.cluster_once(outcome, simplify, grid, !repeatable)?;
             imported = outcome;
-            if best.as_ref().is_some_and(|best| best.off_by() <= next.off_by()) {
+            cells = next.better_cells();
+            if let Some(best) = best.as_mut().filter(|best| best.off_by() <= next.off_by()) {
+                best.report.attempts = attempt;
                 break;
             }
-            cells = next.better_cells();
+            let estimated = best.as_ref().and_then(|best| best.report.triangles_estimated);
             let best = best.insert(next);
             best.report.attempts = attempt;
+            best.report.triangles_estimated = best.report.triangles_estimated.or(estimated);
             if cells.is_none() {
                 break;
             }

@@ -150,7 +150,7 @@ fn check_request(job: &Job) -> Result<()> {
 }
 
 fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
-    let path = &facts.path;
+    let path = name(&facts.path);
     if !matches!(job.task, Task::Simplify(_)) {
         return;
     }
@@ -163,8 +163,16 @@ fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
     plan.notes.push(format!("{path} can be read only once and is needed twice: set aside on disk"));
 }
 
+/// An input, in words.
+fn name(path: &InputPath) -> String {
+    match path {
+        InputPath::Stdin => "standard input".to_owned(),
+        InputPath::File(_) => path.to_string(),
+    }
+}
+
 fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
-    let path = &facts.path;
+    let path = name(&facts.path);
     let lines = facts.size_bytes.map(|bytes| bytes / LINE_BYTES_MIN);
     let table_bytes = facts.declared.vertices.or(lines).map(|count| count * sizes.vertex);
     let share = job.memory_bytes as f64 * job.table_share();

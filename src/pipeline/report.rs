@@ -72,7 +72,7 @@ pub struct ClusterReport {
     pub cell_size: f64,
     /// Cells that held vertices.
     pub cells_occupied: u64,
-    /// Triangles the estimate promised, when there was one.
+    /// Triangles the estimate promised for the first attempt, when there was one.
     pub triangles_estimated: Option<u64>,
     /// Runs spilled to disk.
     pub spills: u64,
