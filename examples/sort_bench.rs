@@ -235,6 +235,9 @@ fn report(name: &str, count: u64, spent: Spent, copy: Spent, copies: u32) {
     let ratio_processor = processor / 2.0 / copy_processor;
     let speed = count as f64 / clock / 1e6;
     println!("{name}: {clock:.2} s ({speed:.1} M/s), cp {copy_clock:.2} s, ratio {ratio:.2}");
+    let status = fs::read_to_string("/proc/self/status").expect("Linux tells");
+    let peak = status.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default();
+    println!("  {peak} (of all measurements so far)");
     println!(
         "  processors: {processor:.2} s, cp {copy_processor:.2} s, ratio on two threads {ratio_processor:.2}"
     );

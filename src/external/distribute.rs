@@ -1,11 +1,14 @@
 //! Records into buckets on disk, by a number each record gives.
 //!
-//! Records gather in memory; a full memory is partitioned on all threads and each bucket's share
-//! appended to its file in one piece. So there is no buffer per bucket, and writes are large.
+//! The input is taken in parts that fit the processor's cache. Parts are partitioned on all
+//! threads, and appended to the buckets, in order, on the calling one.
 
-use rayon::prelude::*;
+use std::sync::Mutex;
 
-use super::partition::{BUCKETS_MAX, Part, Scratch, partition, scratch_bytes};
+use super::{
+    partition::{BUCKETS_MAX, Part, WAVE_PARTS, part_records},
+    waves,
+};
 use crate::{
     error::Result,
     storage::{Record, RecordFile, RecordWriter, Workspace, open_files_max},
@@ -28,7 +31,7 @@ pub fn buckets_max(memory_bytes: u64) -> usize {
     by_memory.clamp(BUCKETS_MIN, open_files_max() as u64) as usize
 }
 
-/// Mean size of one append to a bucket: below it the calls weigh more than the bytes, above it a
+/// Mean size of one write to a bucket: below it the calls weigh more than the bytes, above it a
 /// further pass weighs more than the calls.
 const PIECE_BYTES: u64 = 1 << 14;
 /// Even with next to no memory a pass must get somewhere.
@@ -36,9 +39,9 @@ const BUCKETS_MIN: u64 = 8;
 
 /// Sends records to numbered buckets. Records of a bucket keep the order they were pushed in.
 pub struct Distributor<R, F> {
+    /// Never longer than `chunk_records_max`.
     chunk: Vec<R>,
     chunk_records_max: usize,
-    scratch: Scratch<R>,
     buckets: Buckets<R>,
     bucket_of: F,
 }
@@ -49,11 +52,9 @@ impl<R: Record, F: Fn(&R) -> usize + Sync> Distributor<R, F> {
     /// # Errors
     /// [`crate::Error::Io`] when the files cannot be made.
     pub fn new(name: &str, config: &Config, workspace: &Workspace, bucket_of: F) -> Result<Self> {
-        let record_bytes = size_of::<R>() + scratch_bytes::<R>();
-        let chunk_records_max = chunk_records(config.memory_bytes, record_bytes);
-        let buckets = Buckets::create(workspace, name, config.buckets)?;
-        let scratch = Scratch::default();
-        Ok(Self { chunk: Vec::new(), chunk_records_max, scratch, buckets, bucket_of })
+        let chunk_records_max = chunk_records(config.memory_bytes / 2, size_of::<R>());
+        let buckets = Buckets::create(workspace, name, config)?;
+        Ok(Self { chunk: Vec::new(), chunk_records_max, buckets, bucket_of })
     }
 
     /// Adds records.
@@ -83,9 +84,7 @@ impl<R: Record, F: Fn(&R) -> usize + Sync> Distributor<R, F> {
     }
 
     fn spill(&mut self) -> Result<()> {
-        let count = self.buckets.count();
-        let parts = partition(&self.chunk, &mut self.scratch, count, &self.bucket_of, |_, r| *r);
-        self.buckets.append(&parts)?;
+        self.buckets.append(&self.chunk, &self.bucket_of, |_, record| *record)?;
         self.chunk.clear();
         Ok(())
     }
@@ -99,26 +98,82 @@ pub(super) fn chunk_records(memory_bytes: u64, record_bytes: usize) -> usize {
 /// The files of a distribution under way.
 pub(super) struct Buckets<R> {
     writers: Vec<RecordWriter<R>>,
+    memory_bytes: u64,
 }
 
-/// What is smaller than this waits in its bucket for more; larger appends are not copied.
-const WRITER_BUFFER_BYTES: usize = 1 << 12;
+/// A bucket's buffer: a few pages even with next to no memory, and no more than is gained by.
+const BUFFER_BYTES_MIN: u64 = 1 << 12;
+const BUFFER_BYTES_MAX: u64 = 1 << 16;
 
 impl<R: Record> Buckets<R> {
-    pub(super) fn create(workspace: &Workspace, name: &str, count: usize) -> Result<Self> {
-        assert!(count <= BUCKETS_MAX, "too many buckets");
-        let create = |_| RecordWriter::create_buffered(workspace, name, None, WRITER_BUFFER_BYTES);
-        Ok(Self { writers: (0..count).map(create).collect::<Result<_>>()? })
+    /// An eighth of the memory is for buffers, a quarter for the parts under way; the rest is
+    /// the caller's.
+    pub(super) fn create(workspace: &Workspace, name: &str, config: &Config) -> Result<Self> {
+        let Config { buckets, memory_bytes } = *config;
+        assert!(buckets <= BUCKETS_MAX, "too many buckets");
+        let buffer_bytes = memory_bytes / 8 / buckets.max(1) as u64;
+        let buffer_bytes = buffer_bytes.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize;
+        let create = |_| RecordWriter::create_buffered(workspace, name, None, buffer_bytes);
+        let writers = (0..buckets).map(create).collect::<Result<_>>()?;
+        Ok(Self { writers, memory_bytes })
     }
 
-    pub(super) fn count(&self) -> usize {
-        self.writers.len()
+    /// Sends `records` to their buckets, in order. `convert` makes what is stored of a record
+    /// and its position in `records`.
+    pub(super) fn append<S: Sync>(
+        &mut self,
+        records: &[S],
+        bucket_of: impl Fn(&S) -> usize + Sync,
+        convert: impl Fn(usize, &S) -> R + Sync,
+    ) -> Result<()> {
+        let part_records = part_records::<R>(self.memory_bytes);
+        let mut parts = records.chunks(part_records).enumerate();
+        let next = || Ok(parts.next().map(|(i, part)| (i * part_records, part)));
+        self.append_parts(next, bucket_of, convert)
     }
 
-    /// Appends a partitioned batch, each bucket in the order of the parts.
-    pub(super) fn append(&mut self, parts: &[Part<'_, R>]) -> Result<()> {
-        self.writers.par_iter_mut().enumerate().try_for_each(|(bucket, writer)| {
-            parts.iter().try_for_each(|part| writer.extend(part.bucket(bucket)))
+    /// Sends a whole file to the buckets. `seen` is told of every part.
+    pub(super) fn append_file(
+        &mut self,
+        file: RecordFile<R>,
+        seen: impl Fn(usize) -> Result<()>,
+        bucket_of: impl Fn(&R) -> usize + Sync,
+        convert: impl Fn(usize, &R) -> R + Sync,
+    ) -> Result<()> {
+        let part_records = part_records::<R>(self.memory_bytes) as u64;
+        let mut scanner = file.scan()?;
+        drop(file);
+        let next = || {
+            let count = scanner.left().min(part_records) as usize;
+            let mut part = vec![R::new_zeroed(); count];
+            scanner.read_into(&mut part)?;
+            seen(count)?;
+            Ok((count > 0).then_some((0, part)))
+        };
+        self.append_parts(next, bucket_of, convert)
+    }
+
+    fn append_parts<S, P: AsRef<[S]> + Send>(
+        &mut self,
+        next: impl FnMut() -> Result<Option<(usize, P)>>,
+        bucket_of: impl Fn(&S) -> usize + Sync,
+        convert: impl Fn(usize, &S) -> R + Sync,
+    ) -> Result<()> {
+        let buckets = self.writers.len();
+        let spare = Mutex::new(Vec::<Part<R>>::new());
+        let take_spare = || spare.lock().expect("no thread panics with the list in hand").pop();
+        let work = |(first, source): (usize, P)| {
+            let mut part = take_spare().unwrap_or_default();
+            part.fill(source.as_ref(), buckets, &bucket_of, |at, r| convert(first + at, r));
+            Ok(part)
+        };
+        let width = WAVE_PARTS * rayon::current_num_threads();
+        waves::in_order(width, next, work, |part| {
+            for (bucket, writer) in self.writers.iter_mut().enumerate() {
+                writer.extend(part.bucket(bucket))?;
+            }
+            spare.lock().expect("no thread panics with the list in hand").push(part);
+            Ok(())
         })
     }
 

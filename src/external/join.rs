@@ -6,10 +6,9 @@
 //! all sequential, whatever the order of the references.
 
 use super::{
-    distribute::{Buckets, buckets_max, chunk_records},
+    distribute::{self, Buckets, buckets_max, chunk_records},
     join_place::Placement,
     join_resolve::{Reference, References, block_shift, resolve},
-    partition::{Scratch, partition, scratch_bytes},
 };
 use crate::{
     error::Result,
@@ -65,10 +64,9 @@ struct Gathering {
     /// Never longer than `chunk_indices_max`.
     chunk: Vec<u64>,
     chunk_indices_max: usize,
-    scratch: Scratch<Reference>,
     /// A block is `1 << block_shift` records of the table.
     block_shift: u32,
-    blocks: usize,
+    buckets: distribute::Config,
     /// The current lap, in which a slot fits 32 bits, and those before it.
     lap: Buckets<Reference>,
     lap_slots: u64,
@@ -197,14 +195,13 @@ impl Gathering {
         let blocks_max = buckets_max(memory_bytes);
         let block_shift = block_shift::<T>(table_count, memory_bytes, blocks_max);
         let blocks = table_count.div_ceil(1 << block_shift) as usize;
-        let index_bytes = size_of::<u64>() + scratch_bytes::<Reference>();
+        let buckets = distribute::Config { buckets: blocks, memory_bytes };
         Ok(Self {
             chunk: Vec::new(),
-            chunk_indices_max: chunk_records(memory_bytes, index_bytes),
-            scratch: Scratch::default(),
+            chunk_indices_max: chunk_records(memory_bytes / 2, size_of::<u64>()),
             block_shift,
-            blocks,
-            lap: Buckets::create(workspace, "references", blocks)?,
+            lap: Buckets::create(workspace, "references", &buckets)?,
+            buckets,
             lap_slots: 0,
             lap_slots_max: LAP_SLOTS_MAX,
             laps: Vec::new(),
@@ -234,17 +231,14 @@ impl Gathering {
             let room = (self.lap_slots_max - self.lap_slots).min(rest.len() as u64);
             let (now, later) = rest.split_at(room as usize);
             let (first_slot, shift) = (self.lap_slots, self.block_shift);
-            let parts = partition(
+            self.lap.append(
                 now,
-                &mut self.scratch,
-                self.blocks,
                 |index| (index >> shift) as usize,
                 |at, index| Reference {
                     offset: (index & ((1 << shift) - 1)) as u32,
                     slot: (first_slot + at as u64) as u32,
                 },
-            );
-            self.lap.append(&parts)?;
+            )?;
             self.lap_slots += room;
             rest = later;
         }
@@ -254,7 +248,7 @@ impl Gathering {
     }
 
     fn finish_lap(&mut self, workspace: &Workspace) -> Result<()> {
-        let fresh = Buckets::create(workspace, "references", self.blocks)?;
+        let fresh = Buckets::create(workspace, "references", &self.buckets)?;
         let files = std::mem::replace(&mut self.lap, fresh).finish()?;
         let first_slot = self.laps.len() as u64 * self.lap_slots_max;
         self.laps.push(References { first_slot, files });

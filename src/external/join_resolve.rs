@@ -4,9 +4,8 @@
 use zerocopy::{FromBytes, FromZeros as _, Immutable, IntoBytes, KnownLayout};
 
 use super::{
-    distribute::{Buckets, buckets_max, chunk_records},
+    distribute::{self, Buckets, buckets_max},
     join::Job,
-    partition::{Scratch, partition, scratch_bytes},
     waves,
 };
 use crate::{
@@ -152,33 +151,19 @@ impl<T: Record, E: FnMut(u64, &[Placed<T>]) -> Result<()>> Resolver<'_, T, E> {
             block_shift::<T>(count, self.job.memory_bytes, buckets_max(self.job.memory_bytes));
         assert!(shift_smaller < shift, "cutting makes blocks smaller");
         let blocks = count.div_ceil(1 << shift_smaller) as usize;
-        let reference_bytes = size_of::<Reference>() + scratch_bytes::<Reference>();
-        let mut scratch = Scratch::default();
-        let chunk_references = chunk_records(self.job.memory_bytes, reference_bytes);
-        let mut chunk = vec![Reference::new_zeroed(); chunk_references];
+        let memory_bytes = self.job.memory_bytes;
+        let config = distribute::Config { buckets: blocks, memory_bytes };
         let mut laps = Vec::with_capacity(files.len());
         for (first_slot, file) in files {
-            let mut buckets = Buckets::create(self.job.workspace, "references", blocks)?;
-            let mut scanner = file.scan()?;
-            drop(file);
-            while scanner.left() > 0 {
-                self.job.check()?;
-                let count = scanner.read_into(&mut chunk)?;
-                let parts = partition(
-                    &chunk[..count],
-                    &mut scratch,
-                    blocks,
-                    |r| (r.offset >> shift_smaller) as usize,
-                    |_, r| Reference {
-                        offset: r.offset & ((1 << shift_smaller) - 1),
-                        slot: r.slot,
-                    },
-                );
-                buckets.append(&parts)?;
-            }
+            let mut buckets = Buckets::create(self.job.workspace, "references", &config)?;
+            buckets.append_file(
+                file,
+                |_| self.job.check(),
+                |r| (r.offset >> shift_smaller) as usize,
+                |_, r| Reference { offset: r.offset & ((1 << shift_smaller) - 1), slot: r.slot },
+            )?;
             laps.push(References { first_slot, files: buckets.finish()? });
         }
-        drop((chunk, scratch));
         self.resolve_blocks(laps, shift_smaller)
     }
 }

@@ -7,9 +7,8 @@
 use super::{
     Keyed,
     distribute::chunk_records,
-    in_memory::{sample_slice, sort_parallel},
-    partition::{Scratch, scratch_bytes},
-    sort_distribution::{Distribution, bucket_count, cut_large, emit_sorted, sample_file},
+    in_memory::{sample_slice, scratch_bytes, sort_parallel},
+    sort_distribution::{Distribution, bucket_count, cut_large, emit_sorted},
     sort_merge::Runs,
     splitters::drifts,
 };
@@ -88,7 +87,6 @@ pub struct Sorter<'a, R: Keyed> {
     /// Never longer than `chunk_records_max`.
     chunk: Vec<R>,
     chunk_records_max: usize,
-    scratch: Scratch<R>,
     spilled: Spilled<'a, R>,
     count: u64,
 }
@@ -114,7 +112,6 @@ impl<'a, R: Keyed> Sorter<'a, R> {
             monitor,
             chunk: Vec::new(),
             chunk_records_max: chunk_records(config.memory_bytes, record_bytes),
-            scratch: Scratch::default(),
             spilled: Spilled::Nothing,
             count: 0,
         }
@@ -160,18 +157,17 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     /// # Errors
     /// As [`sort`], and what `sink` returns.
     pub fn finish_into(self, mut sink: impl FnMut(&[R]) -> Result<()>) -> Result<()> {
-        let Self { config, workspace, monitor, mut chunk, mut scratch, spilled, count, .. } = self;
+        let Self { config, workspace, monitor, mut chunk, spilled, count, .. } = self;
         match spilled {
             Spilled::Nothing => {
-                sort_parallel(&mut chunk, &mut scratch);
-                drop(scratch);
+                sort_parallel(&mut chunk);
                 let meter = monitor.meter(config.stage, Some(count));
                 emit(&chunk, &meter, &mut sink)?;
                 meter.finish();
             }
             Spilled::ToBuckets(mut distribution) => {
-                distribution.spill(&chunk, &mut scratch)?;
-                drop((chunk, scratch));
+                distribution.append(&chunk)?;
+                drop(chunk);
                 let buckets = distribution.finish()?;
                 let buckets = cut_large(buckets, &config, workspace, monitor)?;
                 let meter = monitor.meter(config.stage, Some(count));
@@ -180,8 +176,7 @@ impl<'a, R: Keyed> Sorter<'a, R> {
                 meter.finish();
             }
             Spilled::ToRuns(mut runs) => {
-                drop(runs.spill(chunk, &mut scratch)?);
-                drop(scratch);
+                drop(runs.spill(chunk)?);
                 runs.merge_into(sink)?;
             }
         }
@@ -191,14 +186,16 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     /// Reads a whole file. Its size and a sample of its keys are known before.
     fn fill_from(&mut self, input: RecordFile<R>) -> Result<()> {
         let fits = input.count() <= self.chunk_records_max as u64;
-        if !fits && self.config.engine != Engine::Merge {
-            let data_bytes = input.count() * size_of::<R>() as u64;
-            let buckets = bucket_count(Some(data_bytes), self.config.memory_bytes);
-            let sample = sample_file(&input)?;
-            self.spilled =
-                Spilled::ToBuckets(Distribution::create(self.workspace, sample, buckets)?);
-        }
         let meter = self.monitor.meter(self.config.stage, Some(input.count()));
+        if !fits && self.config.engine != Engine::Merge {
+            let memory_bytes = self.config.memory_bytes;
+            let mut distribution = Distribution::of_file(&input, self.workspace, memory_bytes)?;
+            self.count = input.count();
+            distribution.append_file(input, &meter)?;
+            meter.finish();
+            self.spilled = Spilled::ToBuckets(distribution);
+            return Ok(());
+        }
         let mut scanner = input.scan()?;
         drop(input);
         let block_records = (IO_BLOCK_BYTES / size_of::<R>()).max(1);
@@ -236,11 +233,11 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         match &mut self.spilled {
             Spilled::Nothing => unreachable!("an engine was chosen above"),
             Spilled::ToBuckets(distribution) => {
-                distribution.spill(&self.chunk, &mut self.scratch)?;
+                distribution.append(&self.chunk)?;
                 self.chunk.clear();
             }
             Spilled::ToRuns(runs) => {
-                self.chunk = runs.spill(std::mem::take(&mut self.chunk), &mut self.scratch)?;
+                self.chunk = runs.spill(std::mem::take(&mut self.chunk))?;
             }
         }
         Ok(())
@@ -258,7 +255,12 @@ impl<'a, R: Keyed> Sorter<'a, R> {
             Spilled::ToRuns(Box::new(Runs::new(&self.config, self.workspace, self.monitor)))
         } else {
             let buckets = bucket_count(None, self.config.memory_bytes);
-            Spilled::ToBuckets(Distribution::create(self.workspace, sample, buckets)?)
+            Spilled::ToBuckets(Distribution::create(
+                self.workspace,
+                sample,
+                buckets,
+                self.config.memory_bytes / 2,
+            )?)
         })
     }
 }

@@ -7,16 +7,15 @@ use std::sync::Mutex;
 
 use super::{
     Keyed,
-    distribute::{Buckets, buckets_max, chunk_records},
-    in_memory::sort_slice,
-    partition::{Scratch, partition, scratch_bytes},
+    distribute::{self, Buckets, buckets_max},
+    in_memory::{Place, sort_to_either},
     sort::Config,
     splitters::Splitters,
     waves,
 };
 use crate::{
     error::Result,
-    progress::Monitor,
+    progress::{Meter, Monitor},
     storage::{RecordFile, Workspace},
 };
 
@@ -50,17 +49,36 @@ impl<R: Keyed> Distribution<R> {
         workspace: &Workspace,
         sample: Vec<R::Key>,
         buckets: usize,
+        memory_bytes: u64,
     ) -> Result<Self> {
         let splitters = Splitters::choose(sample, buckets);
-        let buckets = Buckets::create(workspace, "bucket", splitters.count())?;
+        let config = distribute::Config { buckets: splitters.count(), memory_bytes };
+        let buckets = Buckets::create(workspace, "bucket", &config)?;
         Ok(Self { splitters, buckets })
     }
 
-    /// Appends a chunk of the input to the buckets.
-    pub(super) fn spill(&mut self, chunk: &[R], scratch: &mut Scratch<R>) -> Result<()> {
+    /// Starts a distribution by a sample of `file`.
+    pub(super) fn of_file(
+        file: &RecordFile<R>,
+        workspace: &Workspace,
+        memory_bytes: u64,
+    ) -> Result<Self> {
+        let size_bytes = file.count() * size_of::<R>() as u64;
+        let buckets = bucket_count(Some(size_bytes), memory_bytes);
+        Self::create(workspace, sample_file(file)?, buckets, memory_bytes)
+    }
+
+    /// Sends a chunk of the input to the buckets.
+    pub(super) fn append(&mut self, chunk: &[R]) -> Result<()> {
         let bucket_of = |record: &R| self.splitters.bucket(record.key());
-        let parts = partition(chunk, scratch, self.buckets.count(), bucket_of, |_, r| *r);
-        self.buckets.append(&parts)
+        self.buckets.append(chunk, bucket_of, |_, record| *record)
+    }
+
+    /// Sends a whole file to the buckets.
+    pub(super) fn append_file(&mut self, file: RecordFile<R>, meter: &Meter<'_>) -> Result<()> {
+        let bucket_of = |record: &R| self.splitters.bucket(record.key());
+        let seen = |count: usize| Ok(meter.add(count as u64)?);
+        self.buckets.append_file(file, seen, bucket_of, |_, record| *record)
     }
 
     /// The buckets that are not empty, in order of their keys.
@@ -78,7 +96,7 @@ const SAMPLE_PLACES: u64 = 256;
 const SAMPLE_KEYS_EACH: u64 = 16;
 
 /// Keys from all over a file.
-pub(super) fn sample_file<R: Keyed>(file: &RecordFile<R>) -> Result<Vec<R::Key>> {
+fn sample_file<R: Keyed>(file: &RecordFile<R>) -> Result<Vec<R::Key>> {
     let places = SAMPLE_PLACES.min(file.count());
     let mut sample = Vec::new();
     for place in 0..places {
@@ -113,23 +131,13 @@ pub(super) fn cut_large<R: Keyed>(
         let large = buckets.iter().filter(|bucket| is_large(bucket));
         let meter = monitor.meter(config.stage, Some(large.map(|b| b.file.count()).sum()));
         let mut smaller = Vec::with_capacity(buckets.len());
-        let mut scratch = Scratch::default();
-        let record_bytes = size_of::<R>() + scratch_bytes::<R>();
-        let mut chunk = vec![R::new_zeroed(); chunk_records(memory_bytes, record_bytes)];
         for bucket in buckets {
             if !is_large(&bucket) {
                 smaller.push(bucket);
                 continue;
             }
-            let count = bucket_count(Some(bucket.file.size_bytes()), memory_bytes);
-            let sample = sample_file(&bucket.file)?;
-            let mut distribution = Distribution::create(workspace, sample, count)?;
-            let mut scanner = bucket.file.scan()?;
-            while scanner.left() > 0 {
-                let count = scanner.read_into(&mut chunk)?;
-                meter.add(count as u64)?;
-                distribution.spill(&chunk[..count], &mut scratch)?;
-            }
+            let mut distribution = Distribution::of_file(&bucket.file, workspace, memory_bytes)?;
+            distribution.append_file(bucket.file, &meter)?;
             smaller.extend(distribution.finish()?);
         }
         meter.finish();
@@ -172,7 +180,10 @@ pub(super) fn emit_sorted<R: Keyed>(
             scratch: vec![R::new_zeroed(); largest],
         });
         let count = bucket.file.scan()?.read_into(&mut memory.records)?;
-        sort_slice(&mut memory.records[..count], &mut memory.scratch[..count]);
+        let Memory { records, scratch } = &mut memory;
+        if sort_to_either(&mut records[..count], &mut scratch[..count]) == Place::Scratch {
+            std::mem::swap(records, scratch);
+        }
         Ok(Sorted::InMemory(memory, count))
     };
     let mut buckets = buckets.into_iter();

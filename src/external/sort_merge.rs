@@ -18,7 +18,6 @@ use super::{
     Keyed, SortKey,
     in_memory::sort_parallel,
     merge::{Block, FileBlocks, Shape, merge_blocks, narrow_runs},
-    partition::Scratch,
     sort::Config,
 };
 use crate::{
@@ -46,8 +45,8 @@ impl<'a, R: Keyed> Runs<'a, R> {
 
     /// Sorts a chunk of the input and stores it as a run. All chunks but the last have the same
     /// length. Gives the emptied vector back.
-    pub(super) fn spill(&mut self, mut chunk: Vec<R>, scratch: &mut Scratch<R>) -> Result<Vec<R>> {
-        sort_parallel(&mut chunk, scratch);
+    pub(super) fn spill(&mut self, mut chunk: Vec<R>) -> Result<Vec<R>> {
+        sort_parallel(&mut chunk);
         if self.group.as_ref().is_some_and(|group| group.runs == self.shape.runs_max) {
             self.merge_group()?;
         }

@@ -10,6 +10,9 @@ use super::SortKey;
 pub(super) struct Splitters<K> {
     /// Strictly ascending. Bucket `i` holds the keys from bound `i - 1` up to but not bound `i`.
     bounds: Vec<K>,
+    /// The bounds, and copies of the largest key after them, as a search tree: node `i` has the
+    /// children `2 i` and `2 i + 1`, node 0 is not used. It is searched without branches.
+    tree: Vec<K>,
 }
 
 impl<K: SortKey> Splitters<K> {
@@ -36,7 +39,9 @@ impl<K: SortKey> Splitters<K> {
         }
         close_heavy(&mut bounds, heavy);
         debug_assert!(bounds.is_sorted_by(|a, b| a < b), "bounds ascend");
-        Self { bounds }
+        let mut tree = vec![K::MAX; (bounds.len() + 1).next_power_of_two()];
+        plant(&mut tree, 1, &mut bounds.iter().copied());
+        Self { bounds, tree }
     }
 
     /// Number of buckets.
@@ -47,7 +52,12 @@ impl<K: SortKey> Splitters<K> {
     /// The bucket of `key`. Larger keys never have smaller buckets.
     #[inline]
     pub(super) fn bucket(&self, key: K) -> usize {
-        self.bounds.partition_point(|bound| *bound <= key)
+        let mut node = 1;
+        for _ in 0..self.tree.len().ilog2() {
+            node = 2 * node + usize::from(self.tree[node] <= key);
+        }
+        // The largest key passes the copies of itself too.
+        (node - self.tree.len()).min(self.bounds.len())
     }
 
     /// Whether all records of a bucket have the same key.
@@ -57,6 +67,17 @@ impl<K: SortKey> Splitters<K> {
             Some(end) => first.successor() == Some(*end),
             None => first == K::MAX,
         }
+    }
+}
+
+/// Puts ascending bounds into a search tree, in the order of a walk through it.
+fn plant<K>(tree: &mut [K], node: usize, bounds: &mut impl Iterator<Item = K>) {
+    if node < tree.len() {
+        plant(tree, 2 * node, bounds);
+        if let Some(bound) = bounds.next() {
+            tree[node] = bound;
+        }
+        plant(tree, 2 * node + 1, bounds);
     }
 }
 
@@ -106,6 +127,10 @@ mod tests {
             for bucket in 0..splitters.count() {
                 let inside = ids.iter().filter(|id| **id == bucket).count();
                 prop_assert!(splitters.is_one_key(bucket) || inside < sample.len());
+            }
+            for key in (0..25).chain([u32::MAX]) {
+                let below = splitters.bounds.iter().filter(|bound| **bound <= key).count();
+                prop_assert_eq!(splitters.bucket(key), below);
             }
         }
     }
