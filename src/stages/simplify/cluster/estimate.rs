@@ -8,7 +8,7 @@ use crate::{
 
 /// Triangles per occupied cell: 2 for a closed manifold; representatives without triangles and
 /// boundaries make it less, folds more. 1.98 to 2.16 on closed scans at 50 % to 1 %, 1.8 to 2.3
-/// on the rest but for one volumetric mesh (scripts/quality_cluster.py).
+/// on the rest but for one volumetric mesh (`scripts/quality_cluster.py`).
 const TRIANGLES_PER_CELL: f64 = 2.0;
 
 /// Area of a random plane section of a cube, relative to its mean, in sixteenths of the sections
