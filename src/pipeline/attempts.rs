@@ -129,7 +129,9 @@ impl Run<'_> {
         keep: bool,
     ) -> Result<(Clustered<V>, Option<Outcome<V>>)> {
         let (boundary_weight, placement) = (simplify.boundary_weight, simplify.placement);
-        let config = cluster::Config { grid, boundary_weight, placement };
+        let budget = self.workspace.budget();
+        let assembly_bytes = if keep { budget.available_bytes() } else { budget.limit_bytes() };
+        let config = cluster::Config { grid, boundary_weight, placement, assembly_bytes };
         let mut partials =
             cluster::accumulate(&outcome.source, &config, self.workspace, self.monitor)?;
         let (findings, triangles_in) = (std::mem::take(&mut partials.findings), partials.triangles);

@@ -34,6 +34,7 @@ pub(super) fn in_memory<V: Vertex>(
     monitor: &Monitor,
 ) -> Result<Outcome<V>> {
     let entries = sorted_entries(&tables);
+    tables.iter_mut().for_each(CellTable::drop_index);
     let meter = monitor.meter(StageId::Assemble, Some(entries.len() as u64));
     let mut overflow: Vec<Overflow> =
         tables.iter_mut().flat_map(|table| std::mem::take(&mut table.overflow)).collect();
@@ -93,7 +94,7 @@ fn number_triangles<V: Vertex>(
     entries: &[Entry],
     tables: &mut [CellTable<V>],
 ) -> (Vec<[u32; 3]>, u64) {
-    let mut ranks: Vec<Vec<u32>> = tables.iter().map(|table| vec![0; table.ids.len()]).collect();
+    let mut ranks: Vec<Vec<u32>> = tables.iter().map(|table| vec![0; table.sums.len()]).collect();
     let mut cells = 0;
     for group in entries.chunk_by(|a, b| a.id == b.id) {
         for entry in group {

@@ -42,6 +42,9 @@ pub struct Config {
     pub boundary_weight: f64,
     /// Where representatives may lie.
     pub placement: Placement,
+    /// Memory that the assembly will find, in bytes: the tables take no more than leaves it room,
+    /// even if there is more now. The whole budget, if the source is dropped in between.
+    pub assembly_bytes: u64,
 }
 
 /// λ = ½ `[LS01 §3.2]`.
@@ -73,6 +76,10 @@ const TRIANGLES_PER_CHECK: usize = 1 << 12;
 /// Least memory of one thread's table; below it the spills would be smaller than their buffers.
 const TABLE_BYTES_MIN: u64 = 1 << 20;
 
+/// What the assembly holds at its peak, relative to the tables it starts from: entries, ranks and
+/// a second copy of the triangles beside the sums.
+const ASSEMBLY_FACTOR: f64 = 1.35;
+
 /// Sums the quadrics of all triangles by cell: one pass over `source` on all threads of the
 /// current pool. Takes the memory that is left in the workspace's budget, and spills beyond it.
 ///
@@ -85,7 +92,9 @@ pub fn accumulate<V: Vertex>(
     monitor: &Monitor,
 ) -> Result<Partials<V>> {
     let threads = rayon::current_num_threads();
-    let memory = workspace.budget().reserve_share(1.0, TABLE_BYTES_MIN * threads as u64);
+    let room = (config.assembly_bytes as f64 / ASSEMBLY_FACTOR) as u64;
+    let share = room as f64 / workspace.budget().available_bytes().max(1) as f64;
+    let memory = workspace.budget().reserve_share(share.min(1.0), TABLE_BYTES_MIN * threads as u64);
     let table_bytes = memory.bytes() / threads as u64;
     let pass = source.pass();
     let meter = monitor.meter(StageId::Cluster, source.records());

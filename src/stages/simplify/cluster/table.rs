@@ -57,14 +57,22 @@ impl<V: Vertex> CellTable<V> {
         }
     }
 
-    /// Bytes in use.
+    /// Bytes in use, and those that spilling takes beside them.
     pub(super) fn size_bytes(&self) -> u64 {
+        let order_and_rank = 2 * size_of::<u32>();
         let cell = size_of::<CellId>() + size_of::<CellSums>() + size_of::<V::Sums>();
+        let cell = cell + order_and_rank;
         let bytes = self.slots.len() * size_of::<u32>()
             + self.ids.len() * cell
             + self.triangles.len() * size_of::<[u32; 3]>()
             + self.overflow.len() * size_of::<Overflow>();
         bytes as u64
+    }
+
+    /// Gives back the memory of the index: from here on cells are known by their place only.
+    pub(super) fn drop_index(&mut self) {
+        self.slots = Vec::new();
+        self.ids = Vec::new();
     }
 
     /// Forgets all cells and triangles, keeps the memory.
