@@ -53,6 +53,8 @@ pub(super) struct Header {
     /// Lines before the first element that begin with no keyword of the format; some writers
     /// break a comment in two.
     pub(super) unknown_lines: Vec<String>,
+    /// Place of the last line.
+    pub(super) end: Position,
     /// Line of the first byte of the body.
     pub(super) body_line: u64,
 }
@@ -82,7 +84,7 @@ pub(super) fn read(source: &mut Source) -> Result<Header> {
                 return Err(expected("a format line in the header", b"end_header", at));
             };
             let Parser { elements, unknown_lines, .. } = parser;
-            return Ok(Header { encoding, elements, unknown_lines, body_line: line });
+            return Ok(Header { encoding, elements, unknown_lines, end: at, body_line: line });
         }
     }
 }

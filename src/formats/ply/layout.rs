@@ -76,8 +76,7 @@ pub(super) fn layouts(header: &Header, findings: &mut Findings) -> Result<Vec<La
     };
     let layouts: Vec<_> = header.elements.iter().map(layout_of).collect::<Result<_>>()?;
     if layouts.iter().all(|layout| layout.role != Role::Vertices) {
-        let at = Position::default();
-        return Err(expected("a vertex element in the header", b"end_header", at));
+        return Err(expected("a vertex element in the header", b"end_header", header.end));
     }
     Ok(layouts)
 }

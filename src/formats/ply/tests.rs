@@ -411,6 +411,7 @@ fn broken_headers_are_faults_with_a_line() {
         ("ply\nformat ascii 1.0\nelement vertex 3\nproperty real x\n", 4),
         ("ply\nformat ascii 1.0\nproperty float x\n", 3),
         ("ply\nformat ascii 1.0\nelement vertex 3\npropertx float x\n", 4),
+        ("ply\nformat ascii 1.0\nelement face 0\nend_header\n", 4),
         ("ply\nelement vertex 3\nend_header\n", 3),
         ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n", 3),
     ];
