@@ -3,6 +3,8 @@
 //! `cfg(test)` is always true here; it tells clippy that these modules are tests throughout.
 
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
 mod meshes;
 #[cfg(test)]
 mod oracles;

@@ -9,7 +9,7 @@ pub struct Sample {
     pub vertices: u64,
 }
 
-/// Picks positions by a hash of their index: about [`SAMPLE_MAX`] of however many come.
+/// Picks positions by a hash of their index: about 131,072 of however many come.
 #[derive(Clone, Debug)]
 pub struct Sampler {
     /// An index is in the sample when its hash is at most this.

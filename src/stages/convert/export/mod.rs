@@ -34,6 +34,13 @@ pub struct Config {
     pub write: WriteOptions,
 }
 
+impl Config {
+    /// Whether the header can be written over when everything else is.
+    fn is_seekable(&self) -> bool {
+        self.compression == Compression::None && matches!(self.target, Target::File(..))
+    }
+}
+
 /// What export did.
 #[derive(Clone, Debug)]
 pub struct Outcome {

@@ -41,9 +41,7 @@ impl Output {
         counts: Option<Counts>,
         workspace: &Workspace,
     ) -> Result<Self> {
-        let seekable =
-            config.compression == Compression::None && matches!(config.target, Target::File(..));
-        let stage = counts.is_none() && config.format != Format::Soup && !seekable;
+        let stage = counts.is_none() && config.format != Format::Soup && !config.is_seekable();
         let path = match &config.target {
             Target::File(path, _) => path.clone(),
             Target::Stdout => PathBuf::from("-"),

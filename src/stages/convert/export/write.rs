@@ -61,7 +61,11 @@ pub fn export_soup<V: Vertex>(
     monitor: &Monitor,
 ) -> Result<Outcome> {
     let meter = monitor.meter(StageId::Export, source.records());
-    let mut output = Output::create(config, None, workspace)?;
+    // Polygons may make it more and defects less: only a header that can be mended may begin with
+    // it. A format that cannot count so many refuses at once.
+    let expected = source.records().filter(|_| config.is_seekable());
+    let expected = expected.map(|triangles| Counts { vertices: 0, triangles });
+    let mut output = Output::create(config, expected, workspace)?;
     let pass = source.pass();
     let (full_sender, full) = mpsc::sync_channel::<Batch>(QUEUE_BATCHES);
     let (empty_sender, empty) = mpsc::channel::<Batch>();
