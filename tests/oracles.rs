@@ -42,7 +42,8 @@ fn real_meshes_have_the_vertices_and_triangles_that_are_listed() {
     for file in meshes::files_in(&folder) {
         let start = format!("| {file} |");
         let line = list.lines().find(|line| line.starts_with(&start)).expect(&file);
-        let column = |index: usize| line.split('|').nth(index).unwrap().trim().parse().unwrap();
+        let column =
+            |i: usize| -> usize { line.split('|').nth(i).unwrap().trim().parse().unwrap() };
         let whole = meshes::read_file(&folder.join(&file));
         if whole.declared.indexed {
             let found = [whole.positions.len(), whole.triangles().len()];

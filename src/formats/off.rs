@@ -4,7 +4,8 @@
 //! Colours of faces are not carried.
 
 use super::{
-    BATCH_RECORDS, Batch, Content, Declared, MeshReader, OnDefect, Origin, ReadOptions, Source,
+    BATCH_RECORDS, Batch, Content, Declared, Format, MeshReader, OnDefect, Origin, ReadOptions,
+    Source,
     cursor::Cursor,
     fault::{FormatError, Result},
     findings::{DefectKind, Findings},
@@ -193,6 +194,10 @@ impl Reader {
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Off
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }

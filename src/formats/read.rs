@@ -1,6 +1,6 @@
 //! The reading side of a format: what is asked of it and what it answers.
 
-use super::{Batch, Findings, Origin, fault::Result};
+use super::{Batch, Findings, Format, Origin, fault::Result};
 
 /// What happens to a single bad vertex or face. Truncation is never skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +46,9 @@ pub struct Declared {
 
 /// A parser under way.
 pub trait MeshReader: Send {
+    /// What the input turned out to be.
+    fn format(&self) -> Format;
+
     /// What the header says.
     fn declared(&self) -> &Declared;
 

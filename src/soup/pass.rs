@@ -155,7 +155,8 @@ impl<V: Vertex> Pass<'_, V> {
         } else {
             gather_polygons(table, &raw.faces, triangles, diagonals)
         };
-        self.count(DefectKind::IndexOutOfRange, dropped, first_record);
+        let first = first_record + dropped.first as u64;
+        self.count(DefectKind::IndexOutOfRange, dropped.count, first);
         Ok(())
     }
 
@@ -214,16 +215,33 @@ fn read<V: Vertex>(
     }
 }
 
-/// Appends the triangles of `corners`; returns how many refer to vertices that do not exist.
-fn gather<V: Vertex>(table: &[V], corners: &[u64], out: &mut Vec<Triangle<V>>) -> u64 {
+/// Faces of a batch that refer to vertices that do not exist.
+#[derive(Default)]
+struct Dropped {
+    count: u64,
+    /// Index of the first one in its batch; 0 without one.
+    first: usize,
+}
+
+impl Dropped {
+    fn add(&mut self, face: usize) {
+        if self.count == 0 {
+            self.first = face;
+        }
+        self.count += 1;
+    }
+}
+
+/// Appends the triangles of `corners`; returns those that refer to vertices that do not exist.
+fn gather<V: Vertex>(table: &[V], corners: &[u64], out: &mut Vec<Triangle<V>>) -> Dropped {
     out.reserve(corners.len() / 3);
-    let mut dropped = 0;
-    for face in corners.chunks_exact(3) {
+    let mut dropped = Dropped::default();
+    for (index, face) in corners.chunks_exact(3).enumerate() {
         let [a, b, c] = [face[0], face[1], face[2]].map(|index| table.get(index as usize));
         if let (Some(a), Some(b), Some(c)) = (a, b, c) {
             out.push(Triangle([*a, *b, *c]));
         } else {
-            dropped += 1;
+            dropped.add(index);
         }
     }
     dropped
@@ -235,14 +253,14 @@ fn gather_polygons<V: Vertex>(
     faces: &Faces,
     out: &mut Vec<Triangle<V>>,
     diagonals: &mut Vec<[u32; 3]>,
-) -> u64 {
-    let mut dropped = 0;
+) -> Dropped {
+    let mut dropped = Dropped::default();
     let (mut polygon, mut positions) = (Vec::new(), Vec::new());
-    for face in faces.iter() {
+    for (index, face) in faces.iter().enumerate() {
         polygon.clear();
         polygon.extend(face.iter().filter_map(|index| table.get(*index as usize)).copied());
         if polygon.len() < face.len() {
-            dropped += 1;
+            dropped.add(index);
             continue;
         }
         triangulate(&polygon, &mut positions, diagonals, out);

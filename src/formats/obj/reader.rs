@@ -5,8 +5,8 @@ use super::statements::{Parser, Stop};
 use crate::{
     error::{Fault, Position},
     formats::{
-        Batch, Content, Declared, Findings, FormatError, MeshReader, OnDefect, Origin, ReadOptions,
-        Source,
+        Batch, Content, Declared, Findings, Format, FormatError, MeshReader, OnDefect, Origin,
+        ReadOptions, Source,
         cursor::Cursor,
         fault::Result,
         text::{Text, skip_byte_order_mark},
@@ -139,6 +139,10 @@ impl Reader {
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Obj
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }

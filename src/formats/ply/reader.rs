@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::{
     super::{
-        BATCH_RECORDS, Batch, Content, Declared, MeshReader, Origin, ReadOptions,
+        BATCH_RECORDS, Batch, Content, Declared, Format, MeshReader, Origin, ReadOptions,
         fault::{FormatError, Result},
         findings::{DefectKind, Findings},
         source::Source,
@@ -106,6 +106,10 @@ impl Reader {
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Ply
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }

@@ -6,8 +6,8 @@ use super::header::{HEADER_BYTES, Header, MAGIC, Trailer};
 use crate::{
     error::{Fault, Position},
     formats::{
-        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, FormatError, MeshReader, OnDefect,
-        Origin, ReadOptions, Source,
+        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, Format, FormatError, MeshReader,
+        OnDefect, Origin, ReadOptions, Source,
         cursor::shorten,
         fault::Result,
         triangles::{Layout, shift_all},
@@ -134,6 +134,10 @@ impl Reader {
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Soup
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }

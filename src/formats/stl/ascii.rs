@@ -3,8 +3,8 @@
 use crate::{
     error::{Fault, Position},
     formats::{
-        BATCH_RECORDS, Batch, Content, Declared, DefectKind, Findings, FormatError, MeshReader,
-        OnDefect, Origin, ReadOptions, Source,
+        BATCH_RECORDS, Batch, Content, Declared, DefectKind, Findings, Format, FormatError,
+        MeshReader, OnDefect, Origin, ReadOptions, Source,
         cursor::Cursor,
         fault::Result,
         text::{Text, skip_byte_order_mark},
@@ -306,6 +306,10 @@ fn read_facet_words(
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Stl
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }

@@ -6,7 +6,7 @@ use super::{COUNT_BYTES, HEADER_BYTES, TRIANGLE_BYTES};
 use crate::{
     error::Position,
     formats::{
-        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, MeshReader, OnDefect, Origin,
+        BATCH_RECORDS, Batch, Declared, DefectKind, Findings, Format, MeshReader, OnDefect, Origin,
         ReadOptions, Source,
         fault::Result,
         triangles::{Layout, shift_all},
@@ -86,6 +86,10 @@ impl Reader {
 }
 
 impl MeshReader for Reader {
+    fn format(&self) -> Format {
+        Format::Stl
+    }
+
     fn declared(&self) -> &Declared {
         &self.declared
     }
