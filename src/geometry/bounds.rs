@@ -51,6 +51,13 @@ impl Bounds {
         DVec3::from_array(self.max.map(f64::from)) - DVec3::from_array(self.min.map(f64::from))
     }
 
+    /// The axis along which the box is longest: 0, 1 or 2; the first of equals.
+    #[must_use]
+    pub fn longest_axis(&self) -> usize {
+        let size = self.size();
+        (1..3).fold(0, |longest, axis| if size[axis] > size[longest] { axis } else { longest })
+    }
+
     /// Length of the diagonal; zero when empty.
     #[must_use]
     pub fn diagonal(&self) -> f64 {
@@ -70,5 +77,15 @@ mod tests {
         bounds.add([4.0, f32::NAN, 3.0]);
         assert_eq!((bounds.min, bounds.max), ([1.0, 2.0, 3.0], [4.0, 2.0, 3.0]));
         assert_eq!(bounds.union(&Bounds::default()), bounds);
+    }
+
+    #[test]
+    fn the_longest_axis_is_the_first_of_equals() {
+        let longest = |max| Bounds { min: [0.0; 3], max }.longest_axis();
+        assert_eq!(
+            [longest([1.0, 2.0, 3.0]), longest([1.0, 2.0, 2.0]), longest([2.0; 3])],
+            [2, 1, 0]
+        );
+        assert_eq!(Bounds::default().longest_axis(), 0);
     }
 }

@@ -2,4 +2,5 @@
 
 pub mod convert;
 pub mod generate;
+pub mod inspect;
 pub mod simplify;

@@ -1,0 +1,3 @@
+//! What a mesh is like, told and not changed.
+
+pub mod info;
