@@ -5,6 +5,8 @@
 #[cfg(test)]
 mod golden;
 #[cfg(test)]
+mod info;
+#[cfg(test)]
 mod meshes;
 #[cfg(test)]
 mod oracles;

@@ -24,6 +24,7 @@ Examples:
   meshmill simplify scan.stl -o small.ply -t 500k
   meshmill soup scan.ply -o scan.stl
   meshmill weld scan.stl -o scan.ply
+  meshmill info scan.ply --json
   meshmill generate gyroid --triangles 10M -o test.ply
 
 Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it says,
@@ -37,6 +38,8 @@ pub(super) enum Command {
     Soup(Convert),
     /// Soup to indexed mesh (.ply or .obj): equal positions become one vertex
     Weld(Convert),
+    /// Counts, bounds, order and defects, in one pass
+    Info(Info),
     /// A synthetic surface of any size, streamed
     Generate(Generate),
 }
@@ -158,10 +161,26 @@ pub(super) struct Output {
     pub(super) force: bool,
 }
 
-/// What every command that works takes.
+/// What every command that writes a mesh takes.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Running")]
 pub(super) struct Run {
+    #[command(flatten)]
+    pub(super) machine: Machine,
+
+    /// Write what was done as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Option<PathBuf>,
+
+    /// Say more: the plan before the work
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(super) verbose: bool,
+}
+
+/// What every command that works takes: its share of the machine, and how it shows itself.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Running")]
+pub(super) struct Machine {
     /// Memory to keep to [default: half of what is available]
     #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
     pub(super) memory: Option<u64>,
@@ -170,13 +189,10 @@ pub(super) struct Run {
     #[arg(short = 'j', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
 
-    /// Folder for temporary files [default: $TMPDIR, or the output's folder]
+    /// Folder for temporary files [default: $TMPDIR, or the output's folder, or /var/tmp where
+    /// there is no output]
     #[arg(long, value_name = "DIR")]
     pub(super) temp_dir: Option<PathBuf>,
-
-    /// Write what was done as JSON
-    #[arg(long, value_name = "FILE")]
-    pub(super) report: Option<PathBuf>,
 
     /// How progress is shown, on standard error
     #[arg(long, value_enum, default_value_t = Style::Auto)]
@@ -185,10 +201,19 @@ pub(super) struct Run {
     /// Errors only
     #[arg(short, long)]
     pub(super) quiet: bool,
+}
 
-    /// Say more: the plan before the work
-    #[arg(short, long, conflicts_with = "quiet")]
-    pub(super) verbose: bool,
+#[derive(Debug, Args)]
+pub(super) struct Info {
+    #[command(flatten)]
+    pub(super) inputs: Inputs,
+
+    /// Write JSON
+    #[arg(long)]
+    pub(super) json: bool,
+
+    #[command(flatten)]
+    pub(super) machine: Machine,
 }
 
 #[derive(Debug, Args)]

@@ -25,7 +25,7 @@ use meshmill::{
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::{
-    args::{Convert, Generate, Kind, Run, Simplify},
+    args::{Convert, Generate, Kind, Machine, Simplify},
     display::{Display, Volume},
     figures, host,
     job::{self, Destination, Host},
@@ -33,16 +33,16 @@ use super::{
 };
 
 /// What a command runs under: the display and the signals.
-struct Session {
-    display: Display,
+pub(super) struct Session {
+    pub(super) display: Display,
     cancel: Cancel,
     signal: Arc<AtomicUsize>,
 }
 
 impl Session {
-    fn start(run: &Run) -> io::Result<Self> {
-        let volume = if run.quiet { Volume::Quiet } else { Volume::Normal };
-        let display = Display::new(run.progress, volume);
+    fn start(machine: &Machine) -> io::Result<Self> {
+        let volume = if machine.quiet { Volume::Quiet } else { Volume::Normal };
+        let display = Display::new(machine.progress, volume);
         let (cancel, signal) = (Cancel::default(), Arc::<AtomicUsize>::default());
         for number in [SIGINT, SIGTERM] {
             // The first signal raises the flag, the second ends the process at once.
@@ -53,7 +53,7 @@ impl Session {
         Ok(Self { display, cancel, signal })
     }
 
-    fn monitor(&self) -> Monitor<'_> {
+    pub(super) fn monitor(&self) -> Monitor<'_> {
         Monitor { observer: &self.display, cancel: self.cancel.clone() }
     }
 
@@ -69,8 +69,8 @@ impl Session {
 }
 
 /// Runs `work` in a session.
-fn in_session(run: &Run, work: impl FnOnce(&Session) -> Result<u8>) -> ExitCode {
-    match Session::start(run) {
+pub(super) fn in_session(machine: &Machine, work: impl FnOnce(&Session) -> Result<u8>) -> ExitCode {
+    match Session::start(machine) {
         Ok(session) => {
             let result = work(&session);
             session.end(result)
@@ -82,7 +82,7 @@ fn in_session(run: &Run, work: impl FnOnce(&Session) -> Result<u8>) -> ExitCode 
 
 /// `meshmill simplify`.
 pub(super) fn simplify(args: &Simplify, host: &Host) -> ExitCode {
-    in_session(&args.convert.run, |session| {
+    in_session(&args.convert.run.machine, |session| {
         let report = run_job(job::simplify(args, host)?, &args.convert, session)?;
         let short = report.is_some_and(|report| report.reached_target == Some(false));
         Ok(if short && args.strict { outcome::SHORT_OF_TARGET } else { outcome::DONE })
@@ -91,7 +91,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> ExitCode {
 
 /// `meshmill soup` and `meshmill weld`.
 pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> ExitCode {
-    in_session(&args.run, |session| {
+    in_session(&args.run.machine, |session| {
         run_job(job::convert(args, task, host)?, args, session)?;
         Ok(outcome::DONE)
     })
@@ -155,7 +155,7 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
         report.seconds,
         bytesize::ByteSize(report.peak_memory_bytes),
     );
-    if to_stdout || args.run.quiet {
+    if to_stdout || args.run.machine.quiet {
         session.display.say(&line);
         return Ok(());
     }
@@ -163,7 +163,7 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
 }
 
 /// Writes to standard output, where results go.
-fn print(text: &str) -> Result<()> {
+pub(super) fn print(text: &str) -> Result<()> {
     let written = io::stdout().write_all(text.as_bytes());
     written.map_err(|source| Error::Io { verb: "write", path: "-".into(), source })
 }
@@ -178,7 +178,7 @@ fn write_report(report: &Report, path: &Path) -> Result<()> {
 
 /// `meshmill generate`.
 pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
-    in_session(&args.run, |session| {
+    in_session(&args.run.machine, |session| {
         let Destination { target, format, compression } = job::destination(&args.output, host)?;
         let indexed =
             matches!(format, meshmill::formats::Format::Ply | meshmill::formats::Format::Obj);
@@ -201,8 +201,9 @@ pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
         let write = WriteOptions { precision: Precision::Single, origin: [0.0; 3], colors: false };
         let export = export::Config { target, format, compression, write };
         let folder = args.output.path.parent().filter(|folder| *folder != Path::new(""));
-        let workspace = Workspace::create(&job::temp_dir(&args.run, folder, host))?;
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(job::threads(&args.run, host));
+        let workspace = Workspace::create(&job::temp_dir(&args.run.machine, folder, host))?;
+        let threads =
+            rayon::ThreadPoolBuilder::new().num_threads(job::threads(&args.run.machine, host));
         let threads = threads.build().map_err(|error| Error::Request(error.to_string()))?;
         let monitor = session.monitor();
         let made = threads.install(|| make(&config, &export, &workspace, &monitor))?;

@@ -12,7 +12,7 @@ use meshmill::{
     storage::Overwrite,
 };
 
-use super::args::{Convert, Goal, Inputs, OnDefect, Output, Placement, Run, Simplify};
+use super::args::{Convert, Goal, Info, Inputs, Machine, OnDefect, Output, Placement, Simplify};
 
 /// What the machine offers.
 #[derive(Clone, Debug)]
@@ -70,11 +70,26 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
         on_defect: on_defect(&args.inputs),
         output_format: format,
         compression,
-        memory_bytes: memory_bytes(&args.run, host),
-        threads: threads(&args.run, host),
-        temp_dir: temp_dir(&args.run, folder, host),
+        memory_bytes: memory_bytes(&args.run.machine, host),
+        threads: threads(&args.run.machine, host),
+        temp_dir: temp_dir(&args.run.machine, folder, host),
         target,
     })
+}
+
+/// Folder for temporary files where there is no output. Unlike `/tmp` it is on a disk.
+const TEMP_DIR_WITHOUT_OUTPUT: &str = "/var/tmp";
+
+/// What `info` looks at.
+pub(super) fn info(args: &Info, host: &Host) -> pipeline::Info {
+    pipeline::Info {
+        inputs: input_paths(&args.inputs),
+        input_format: args.inputs.input_format,
+        on_defect: on_defect(&args.inputs),
+        memory_bytes: memory_bytes(&args.machine, host),
+        threads: threads(&args.machine, host),
+        temp_dir: temp_dir(&args.machine, Some(Path::new(TEMP_DIR_WITHOUT_OUTPUT)), host),
+    }
 }
 
 /// Where `output` is and in which format.
@@ -112,17 +127,17 @@ pub(super) fn on_defect(args: &Inputs) -> formats::OnDefect {
 }
 
 /// Memory to keep to.
-pub(super) fn memory_bytes(args: &Run, host: &Host) -> u64 {
+pub(super) fn memory_bytes(args: &Machine, host: &Host) -> u64 {
     args.memory.unwrap_or(host.memory_bytes_available / 2)
 }
 
 /// Threads to work with.
-pub(super) fn threads(args: &Run, host: &Host) -> usize {
+pub(super) fn threads(args: &Machine, host: &Host) -> usize {
     args.threads.map_or(host.threads, usize::from)
 }
 
 /// Folder for temporary files: where there is most likely room, beside the output.
-pub(super) fn temp_dir(args: &Run, output_folder: Option<&Path>, host: &Host) -> PathBuf {
+pub(super) fn temp_dir(args: &Machine, output_folder: Option<&Path>, host: &Host) -> PathBuf {
     let chosen = args.temp_dir.clone().or_else(|| host.temp_dir.clone());
     chosen.unwrap_or_else(|| output_folder.unwrap_or(Path::new(".")).to_owned())
 }
@@ -199,5 +214,26 @@ mod tests {
         let job = job("soup a.ply -o b.stl.zst --force").unwrap();
         assert_eq!((job.output_format, job.compression), (Format::Stl, Compression::Zstd));
         assert!(super::tests::job("soup a.ply -o b.xyz").is_err());
+    }
+
+    #[test]
+    fn info_takes_inputs_and_its_share_of_the_machine() {
+        let info = |line: &str| match Cli::try_parse_from(line.split(' ')).unwrap().command {
+            Command::Info(args) => (args.json, super::info(&args, &host())),
+            other => panic!("{other:?}"),
+        };
+        let (json, plain) = info("meshmill info a.ply b.ply");
+        assert_eq!(
+            (json, plain.inputs.len(), plain.on_defect),
+            (false, 2, formats::OnDefect::Fail)
+        );
+        assert_eq!((plain.memory_bytes, plain.threads), (4 << 30, 6));
+        assert_eq!(plain.temp_dir, Path::new("/var/tmp"));
+        let line = "meshmill info - --json --input-format stl --on-defect skip --memory 64MiB -j 1 \
+             --temp-dir t";
+        let (json, other) = info(line);
+        assert_eq!((json, other.input_format), (true, Some(Format::Stl)));
+        assert_eq!((other.on_defect, other.memory_bytes), (formats::OnDefect::Skip, 64 << 20));
+        assert_eq!((other.temp_dir.as_path(), other.threads), (Path::new("t"), 1));
     }
 }

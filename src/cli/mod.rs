@@ -6,6 +6,7 @@ mod commands;
 mod display;
 mod figures;
 mod host;
+mod info;
 mod job;
 mod lines;
 mod outcome;
@@ -27,6 +28,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Simplify(args) => commands::simplify(args, &host),
         Command::Soup(args) => commands::convert(args, meshmill::pipeline::Task::Soup, &host),
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),
+        Command::Info(args) => info::info(args, &host),
         Command::Generate(args) => commands::generate(args, &host),
     }
 }

@@ -1,11 +1,13 @@
-//! From a job to a finished output: what will be done, and the doing.
+//! From a job to a finished output: what will be done, and the doing; and what a mesh is like.
 
 mod attempts;
+mod info;
 mod job;
 mod plan;
 mod report;
 mod run;
 
+pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
 pub use job::{Goal, Job, Simplify, Task};
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use report::{

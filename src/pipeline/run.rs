@@ -96,6 +96,25 @@ impl Prepared {
     /// What the stages fail with; nothing is left under the output's name then.
     pub fn run(self, monitor: &Monitor) -> Result<Report> {
         let started = Instant::now();
+        let mut report = self.with_room(monitor, |run, inputs| {
+            let report = if run.colored {
+                run.task::<ColoredPoint>(inputs)
+            } else {
+                run.task::<Point>(inputs)
+            };
+            let temporary_bytes_peak = run.workspace.disk_bytes_peak();
+            report.map(|report| Report { temporary_bytes_peak, ..report })
+        })?;
+        report.seconds = started.elapsed().as_secs_f64();
+        Ok(report)
+    }
+
+    /// Does `work` on the job's threads, with its workspace and budget.
+    pub(super) fn with_room<T: Send>(
+        self,
+        monitor: &Monitor,
+        work: impl FnOnce(&Run, Vec<OpenInput>) -> Result<T> + Send,
+    ) -> Result<T> {
         let threads = rayon::ThreadPoolBuilder::new().num_threads(self.job.threads).build();
         let threads =
             threads.map_err(std::io::Error::other).at("start threads in", Path::new("."))?;
@@ -103,20 +122,17 @@ impl Prepared {
         let workspace = workspace.with_budget(Budget::new(self.job.memory_bytes));
         let colored = self.inputs.iter().any(|open| open.reader.declared().colors);
         let double = self.inputs.iter().any(|open| open.reader.declared().double);
-        let run = Run { job: &self.job, double, workspace: &workspace, monitor };
+        let run = Run { job: &self.job, colored, double, workspace: &workspace, monitor };
         let inputs = self.inputs;
-        let mut report = threads.install(|| {
-            if colored { run.task::<ColoredPoint>(inputs) } else { run.task::<Point>(inputs) }
-        })?;
-        report.temporary_bytes_peak = workspace.disk_bytes_peak();
-        report.seconds = started.elapsed().as_secs_f64();
-        Ok(report)
+        threads.install(|| work(&run, inputs))
     }
 }
 
 /// What the stages of one run share.
 pub(super) struct Run<'a> {
     pub(super) job: &'a Job,
+    /// An input has vertex colours.
+    pub(super) colored: bool,
     /// An input has more than single precision.
     double: bool,
     pub(super) workspace: &'a Workspace,
