@@ -172,6 +172,12 @@ pub enum Error {
         /// Count of the result.
         count: u64,
     },
+    /// All records of the input were bad and left out: an empty output would pass for a mesh.
+    #[error("{}: no triangle is left to write", path.display())]
+    NothingLeft {
+        /// Output file.
+        path: PathBuf,
+    },
     /// The budget or the disk cannot suffice for the job.
     #[error("{what} needs {needed_bytes} bytes, {available_bytes} are available")]
     Resource {

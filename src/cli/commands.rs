@@ -1,31 +1,32 @@
 //! The commands, from what was typed to the exit code.
 
 use std::{
-    fs, io,
+    io,
     io::Write as _,
-    path::Path,
+    path::{Path, PathBuf},
     process::ExitCode,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
     },
+    time::Instant,
 };
 
 use meshmill::{
     Error, Result,
     formats::{Counts, Precision, WriteOptions},
-    pipeline::{self, Job, Report, StageReport, Task},
+    pipeline::{self, Job, OutputReport, Report, StageReport, Task},
     progress::{Cancel, Monitor},
     stages::{
         convert::export::{self, Target},
         generate,
     },
-    storage::{OutputFile, Overwrite, Workspace},
+    storage::{OutputFile, Overwrite, Workspace, check_output, is_stream},
 };
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::{
-    args::{Convert, Generate, Kind, Machine, Simplify},
+    args::{Convert, Generate, Kind, Machine, Run, Simplify},
     display::{Display, Volume},
     figures, host,
     job::{self, Destination, Host},
@@ -100,6 +101,7 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> ExitCode {
 /// Plans and runs a job; `None` after a dry run.
 fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>> {
     let to_stdout = job.target == Target::Stdout;
+    check_report(&args.run, &args.inputs.paths, &args.output.path)?;
     let prepared = pipeline::prepare(job)?;
     if args.dry_run {
         return print(&prepared.plan.to_string()).map(|()| None);
@@ -112,22 +114,22 @@ fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>
         }
     }
     let mut report = prepared.run(&session.monitor())?;
-    report.peak_memory_bytes = host::peak_memory_bytes().unwrap_or_default();
-    report.stages = session
-        .display
-        .stages()
-        .into_iter()
-        .map(|stage| StageReport {
-            name: stage.name.to_owned(),
-            seconds: stage.seconds,
-            records: stage.records,
-        })
-        .collect();
-    if let Some(path) = &args.run.report {
-        write_report(&report, path)?;
-    }
+    complete_report(&mut report, &args.run, session)?;
     tell(&report, args, to_stdout, session)?;
     Ok(Some(report))
+}
+
+/// Adds to a report what the process knows of itself, and writes it where that is wanted.
+fn complete_report(report: &mut Report, run: &Run, session: &Session) -> Result<()> {
+    report.peak_memory_bytes = host::peak_memory_bytes().unwrap_or_default();
+    let stages = session.display.stages().into_iter();
+    let stages = stages.map(|stage| StageReport {
+        name: stage.name.to_owned(),
+        seconds: stage.seconds,
+        records: stage.records,
+    });
+    report.stages = stages.collect();
+    run.report.as_ref().map_or(Ok(()), |path| write_report(report, path))
 }
 
 /// Tells the person what came of it.
@@ -162,10 +164,33 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
     print(&format!("{line}\n"))
 }
 
-/// Writes to standard output, where results go.
+/// Writes to standard output, where results go. That nobody reads them any more does not make the
+/// work undone.
 pub(super) fn print(text: &str) -> Result<()> {
-    let written = io::stdout().write_all(text.as_bytes());
-    written.map_err(|source| Error::Io { verb: "write", path: "-".into(), source })
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(source) if source.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::Io { verb: "write", path: "-".into(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a report that would replace an input or the output, or that cannot be written.
+fn check_report(run: &Run, inputs: &[PathBuf], output: &Path) -> Result<()> {
+    let Some(report) = &run.report else { return Ok(()) };
+    let is_report =
+        |path: &Path| path == report || place(path).is_some_and(|at| place(report) == Some(at));
+    if !is_stream(report) && inputs.iter().map(PathBuf::as_path).chain([output]).any(is_report) {
+        let text = format!("{} is a mesh of this job and cannot be the report", report.display());
+        return Err(Error::Request(text));
+    }
+    check_output(report)
+}
+
+/// Where a file is, or would be, by whatever name.
+fn place(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
 }
 
 fn write_report(report: &Report, path: &Path) -> Result<()> {
@@ -179,6 +204,8 @@ fn write_report(report: &Report, path: &Path) -> Result<()> {
 /// `meshmill generate`.
 pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
     in_session(&args.run.machine, |session| {
+        let started = Instant::now();
+        check_report(&args.run, &[], &args.output.path)?;
         let Destination { target, format, compression } = job::destination(&args.output, host)?;
         let indexed =
             matches!(format, meshmill::formats::Format::Ply | meshmill::formats::Format::Obj);
@@ -193,11 +220,7 @@ pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
             seed: args.seed,
             layout: if indexed { generate::Layout::Indexed } else { generate::Layout::Soup },
         };
-        if let Target::File(path, Overwrite::Refuse) = &target
-            && fs::exists(path).unwrap_or(false)
-        {
-            return Err(Error::Request(format!("{} exists", path.display())));
-        }
+        target.check()?;
         let write = WriteOptions { precision: Precision::Single, origin: [0.0; 3], colors: false };
         let export = export::Config { target, format, compression, write };
         let folder = args.output.path.parent().filter(|folder| *folder != Path::new(""));
@@ -206,7 +229,15 @@ pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
             rayon::ThreadPoolBuilder::new().num_threads(job::threads(&args.run.machine, host));
         let threads = threads.build().map_err(|error| Error::Request(error.to_string()))?;
         let monitor = session.monitor();
-        let made = threads.install(|| make(&config, &export, &workspace, &monitor))?;
+        let (made, bytes) = threads.install(|| make(&config, &export, &workspace, &monitor))?;
+        let vertices = indexed.then_some(made.vertices);
+        let mut report = Report {
+            output: OutputReport { triangles: made.triangles, vertices, bytes },
+            temporary_bytes_peak: workspace.disk_bytes_peak(),
+            seconds: started.elapsed().as_secs_f64(),
+            ..Report::default()
+        };
+        complete_report(&mut report, &args.run, session)?;
         let counts = figures::count(made.triangles);
         let line = format!("{}: {counts} triangles", args.output.path.display());
         session.display.say(&line);
@@ -214,17 +245,17 @@ pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
     })
 }
 
-/// Generates into the output. Formats with both counts in front need them first.
+/// Generates into the output; returns what was made and its size. Formats with both counts in front need them first.
 fn make(
     config: &generate::Config,
     export: &export::Config,
     workspace: &Workspace,
     monitor: &Monitor,
-) -> Result<Counts> {
+) -> Result<(Counts, u64)> {
     let known = config.layout == generate::Layout::Indexed;
     let counts = if known { Some(generate::count(config, monitor)?) } else { None };
-    let (made, _) = export::export_batches(counts, export, workspace, |send| {
+    let (made, size_bytes) = export::export_batches(counts, export, workspace, |send| {
         generate::generate(config, monitor, send)
     })?;
-    Ok(made.counts)
+    Ok((made.counts, size_bytes))
 }

@@ -129,7 +129,8 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
     Ok(plan)
 }
 
-fn check_request(job: &Job) -> Result<()> {
+/// Refuses what is wrong whatever the inputs are.
+pub(super) fn check_request(job: &Job) -> Result<()> {
     if job.memory_bytes < MEMORY_BYTES_MIN {
         let (needed_bytes, available_bytes) = (MEMORY_BYTES_MIN, job.memory_bytes);
         return Err(Error::Resource { what: "the job", needed_bytes, available_bytes });

@@ -4,7 +4,8 @@ use std::{path::Path, time::Instant};
 
 use super::{
     BoundsReport, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
-    attempts::Clustered, plan,
+    attempts::Clustered,
+    plan::{check_request, plan},
 };
 use crate::{
     error::{Error, IoContext as _, Result},
@@ -17,7 +18,7 @@ use crate::{
         import::{self, Need, Survey},
         reindex,
     },
-    storage::{Budget, Overwrite, Workspace, available_disk_bytes},
+    storage::{Budget, Workspace, available_disk_bytes, is_stream},
 };
 
 /// A job whose inputs are open and whose plan is made; nothing is written yet.
@@ -34,6 +35,7 @@ pub struct Prepared {
 /// [`Error::Input`] when an input's header is wrong, [`Error::Io`] when it cannot be opened,
 /// [`Error::Request`] and [`Error::Resource`] when the job cannot be done as asked.
 pub fn prepare(job: Job) -> Result<Prepared> {
+    check_request(&job)?;
     check_target(&job)?;
     let open = |path: &InputPath| {
         let (format, on_defect) = (job.input_format, job.on_defect);
@@ -51,9 +53,9 @@ pub fn prepare(job: Job) -> Result<Prepared> {
     Ok(Prepared { job, inputs, plan })
 }
 
-/// Refuses an output that is an input, or that is there and not to be replaced.
+/// Refuses an output that is an input, or that cannot be made.
 fn check_target(job: &Job) -> Result<()> {
-    let Target::File(path, overwrite) = &job.target else { return Ok(()) };
+    let Target::File(path, _) = &job.target else { return Ok(()) };
     let same = |input: &InputPath| match (input, path.canonicalize()) {
         (InputPath::File(input), Ok(output)) => input.canonicalize().is_ok_and(|i| i == output),
         _ => false,
@@ -62,10 +64,7 @@ fn check_target(job: &Job) -> Result<()> {
         let text = format!("{} is an input and cannot be the output", path.display());
         return Err(Error::Request(text));
     }
-    if *overwrite == Overwrite::Refuse && path.exists() {
-        return Err(Error::Request(format!("{} exists", path.display())));
-    }
-    Ok(())
+    job.target.check()
 }
 
 /// Refuses a job that the disks cannot hold.
@@ -81,11 +80,11 @@ fn check_disk(job: &Job, plan: &Plan) -> Result<()> {
     };
     check("the folder for temporary files", &job.temp_dir, plan.temporary_bytes)?;
     match &job.target {
-        Target::File(path, _) => {
+        Target::File(path, _) if !is_stream(path) => {
             let folder = path.parent().filter(|folder| *folder != Path::new(""));
             check("the output", folder.unwrap_or(Path::new(".")), plan.output_bytes)
         }
-        Target::Stdout => Ok(()),
+        Target::File(..) | Target::Stdout => Ok(()),
     }
 }
 
@@ -180,6 +179,13 @@ impl Run<'_> {
 
     fn simplify<V: Vertex>(&self, inputs: Vec<OpenInput>, simplify: &Simplify) -> Result<Report> {
         let clustered = self.cluster_to_goal::<V>(inputs, simplify)?;
+        if clustered.mesh.counts().triangles == 0 && clustered.triangles_in > 0 {
+            let text = format!(
+                "cells of size {} leave none of {} triangles: no triangle reaches into three cells",
+                clustered.report.cell_size, clustered.triangles_in
+            );
+            return Err(Error::Request(text));
+        }
         let mut report = report_input(&clustered.survey, clustered.triangles_in);
         report.reached_target = clustered.wanted.map(|_| clustered.is_met());
         report.stopped_by = Some(match report.reached_target {

@@ -11,7 +11,7 @@ mod writer;
 
 pub use budget::{Budget, Reservation};
 pub use mapped::MappedRecords;
-pub use output::{OutputFile, Overwrite, open_input};
+pub use output::{OutputFile, Overwrite, check_output, is_stream, open_input};
 pub use record::{Record, RecordFile};
 pub use scanner::RecordScanner;
 pub use workspace::{ForeignFolder, Workspace, available_disk_bytes, open_files_max};

@@ -6,10 +6,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rustix::fs::{Access, access};
 use tempfile::NamedTempFile;
 
 use super::writer::allocate;
-use crate::error::{Error, IoContext as _, Result};
+use crate::error::{IoContext as _, Result};
 
 /// What to do when the output name is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,13 +33,64 @@ pub fn open_input(path: &Path) -> Result<File> {
     Ok(file)
 }
 
+/// Whether `path` is there and neither a file nor a folder: a device or a pipe. It is written to
+/// as it is, front to back.
+#[must_use]
+pub fn is_stream(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Refuses an output that cannot be made, before any work is done for it: one that is a folder, a
+/// link to nothing, or in a folder that cannot be written to. Names that are taken are the
+/// caller's to judge.
+///
+/// # Errors
+/// [`Error::Io`], as [`OutputFile::create`] would fail.
+pub fn check_output(path: &Path) -> Result<()> {
+    let path = &resolve(path)?;
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => {
+            Err(io::Error::from(io::ErrorKind::IsADirectory)).at("write", path)
+        }
+        Ok(found) if !found.is_file() => access(path, Access::WRITE_OK).at("write", path),
+        _ => {
+            let folder = folder_of(path);
+            access(folder, Access::WRITE_OK | Access::EXEC_OK).at("write in the folder", folder)
+        }
+    }
+}
+
+/// The folder a file is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// Where a link leads: the file there is replaced, not the link. Links to streams stay as they
+/// are, since that of standard output may lead to a pipe without a name.
+fn resolve(path: &Path) -> Result<PathBuf> {
+    if !is_stream(path) && fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
+        return fs::canonicalize(path).at("follow the link", path);
+    }
+    Ok(path.to_owned())
+}
+
 /// A file being written beside its final name as `NAME.*.partial`; [`Self::finish`] syncs and
-/// renames it, dropping it removes it.
+/// renames it, dropping it removes it. A device or pipe of that name is written to directly.
 #[derive(Debug)]
 pub struct OutputFile {
-    partial: NamedTempFile,
+    sink: Sink,
     path: PathBuf,
     overwrite: Overwrite,
+}
+
+#[derive(Debug)]
+enum Sink {
+    Partial(NamedTempFile),
+    Stream {
+        file: File,
+        /// Streams cannot tell their position.
+        written_bytes: u64,
+    },
 }
 
 impl OutputFile {
@@ -48,27 +100,28 @@ impl OutputFile {
     /// [`Error::Io`] when the name is taken ([`Overwrite::Refuse`]) or is a directory, or the
     /// folder cannot be written to.
     pub fn create(path: &Path, overwrite: Overwrite) -> Result<Self> {
-        match fs::metadata(path) {
+        let path = resolve(path)?;
+        if is_stream(&path) {
+            let file = File::options().write(true).open(&path).at("open", &path)?;
+            return Ok(Self { sink: Sink::Stream { file, written_bytes: 0 }, path, overwrite });
+        }
+        match fs::metadata(&path) {
             Ok(found) if found.is_dir() => {
-                return Err(io::Error::from(io::ErrorKind::IsADirectory)).at("write", path);
+                return Err(io::Error::from(io::ErrorKind::IsADirectory)).at("write", &path);
             }
             Ok(_) if overwrite == Overwrite::Refuse => {
-                return Err(io::Error::from(io::ErrorKind::AlreadyExists)).at("create", path);
+                return Err(io::Error::from(io::ErrorKind::AlreadyExists)).at("create", &path);
             }
             _ => {}
         }
-        let folder = match path.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let partial = tempfile::Builder::new()
             .prefix(&format!("{name}."))
             .suffix(".partial")
             .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
-            .tempfile_in(folder)
-            .at("create", path)?;
-        Ok(Self { partial, path: path.to_owned(), overwrite })
+            .tempfile_in(folder_of(&path))
+            .at("create", &path)?;
+        Ok(Self { sink: Sink::Partial(partial), path, overwrite })
     }
 
     /// Reserves disk space for `bytes`, so that a full disk is an early, clean error.
@@ -76,7 +129,10 @@ impl OutputFile {
     /// # Errors
     /// [`Error::Io`] when the disk is full.
     pub fn allocate(&self, bytes: u64) -> Result<()> {
-        allocate(self.partial.as_file(), bytes).at("allocate", &self.path)
+        match &self.sink {
+            Sink::Partial(partial) => allocate(partial.as_file(), bytes).at("allocate", &self.path),
+            Sink::Stream { .. } => Ok(()),
+        }
     }
 
     /// Final name.
@@ -88,9 +144,12 @@ impl OutputFile {
     /// Overwrites the first bytes, for headers whose counts are known only at the end.
     ///
     /// # Errors
-    /// [`Error::Io`] when the disk does not take it.
+    /// [`Error::Io`] when the disk does not take it, or this is a stream.
     pub fn patch(&mut self, bytes: &[u8]) -> Result<()> {
-        let file = self.partial.as_file_mut();
+        let file = match &mut self.sink {
+            Sink::Partial(partial) => partial.as_file_mut(),
+            Sink::Stream { file, .. } => file,
+        };
         let mut write = || {
             file.seek(SeekFrom::Start(0))?;
             file.write_all(bytes)?;
@@ -103,31 +162,42 @@ impl OutputFile {
     ///
     /// # Errors
     /// [`Error::Io`] when the disk is full or the name was taken meanwhile.
-    pub fn finish(mut self) -> Result<u64> {
-        let file = self.partial.as_file_mut();
-        let size_bytes = file.stream_position().at("write", &self.path)?;
-        file.set_len(size_bytes).at("truncate", &self.path)?;
-        file.sync_all().at("sync", &self.path)?;
-        let renamed = match self.overwrite {
-            Overwrite::Replace => self.partial.persist(&self.path),
-            Overwrite::Refuse => self.partial.persist_noclobber(&self.path),
+    pub fn finish(self) -> Result<u64> {
+        let Self { sink, path, overwrite } = self;
+        let mut partial = match sink {
+            Sink::Partial(partial) => partial,
+            Sink::Stream { written_bytes, .. } => return Ok(written_bytes),
         };
-        renamed.map(drop).map_err(|failed| Error::Io {
-            verb: "rename to",
-            path: self.path,
-            source: failed.error,
-        })?;
+        let file = partial.as_file_mut();
+        let size_bytes = file.stream_position().at("write", &path)?;
+        file.set_len(size_bytes).at("truncate", &path)?;
+        file.sync_all().at("sync", &path)?;
+        let renamed = match overwrite {
+            Overwrite::Replace => partial.persist(&path),
+            Overwrite::Refuse => partial.persist_noclobber(&path),
+        };
+        renamed.map(drop).map_err(|failed| failed.error).at("rename to", &path)?;
         Ok(size_bytes)
     }
 }
 
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.partial.as_file_mut().write(bytes)
+        match &mut self.sink {
+            Sink::Partial(partial) => partial.as_file_mut().write(bytes),
+            Sink::Stream { file, written_bytes } => {
+                let written = file.write(bytes)?;
+                *written_bytes += written as u64;
+                Ok(written)
+            }
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.partial.as_file_mut().flush()
+        match &mut self.sink {
+            Sink::Partial(partial) => partial.as_file_mut().flush(),
+            Sink::Stream { file, .. } => file.flush(),
+        }
     }
 }
 
@@ -160,5 +230,41 @@ mod tests {
         let workspace = Workspace::for_test();
         assert!(open_input(workspace.path()).is_err());
         assert!(OutputFile::create(workspace.path(), Overwrite::Replace).is_err());
+    }
+
+    #[test]
+    fn a_device_is_written_to_and_stays_a_device() {
+        let null = Path::new("/dev/null");
+        let mut output = OutputFile::create(null, Overwrite::Refuse).unwrap();
+        output.write_all(b"gone").unwrap();
+        assert_eq!(output.finish().unwrap(), 4);
+        assert!(is_stream(null));
+        let mut full = OutputFile::create(Path::new("/dev/full"), Overwrite::Refuse).unwrap();
+        assert!(full.write_all(b"no room").is_err());
+    }
+
+    #[test]
+    fn a_link_stays_and_the_file_it_leads_to_is_replaced() {
+        let workspace = Workspace::for_test();
+        let [file, link] = ["file", "link"].map(|name| workspace.path().join(name));
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        assert!(check_output(&link).is_err(), "a link to nothing");
+        fs::write(&file, b"old").unwrap();
+        assert!(OutputFile::create(&link, Overwrite::Refuse).is_err());
+        let mut output = OutputFile::create(&link, Overwrite::Replace).unwrap();
+        output.write_all(b"new").unwrap();
+        output.finish().unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_known_beforehand() {
+        let workspace = Workspace::for_test();
+        check_output(&workspace.path().join("new")).unwrap();
+        check_output(Path::new("/dev/null")).unwrap();
+        assert!(check_output(workspace.path()).is_err());
+        let error = check_output(&workspace.path().join("no/such/folder/file")).unwrap_err();
+        assert!(error.to_string().ends_with("no/such/folder"), "{error}");
     }
 }

@@ -3,13 +3,17 @@
 mod output;
 mod write;
 
-use std::path::PathBuf;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 pub use write::{export_batches, export_mesh, export_soup};
 
 use crate::{
+    error::{Error, Result},
     formats::{Compression, Counts, Findings, Format, WriteOptions},
-    storage::Overwrite,
+    storage::{Overwrite, check_output, is_stream},
 };
 
 /// Where the result goes.
@@ -19,6 +23,31 @@ pub enum Target {
     File(PathBuf, Overwrite),
     /// Standard output.
     Stdout,
+}
+
+impl Target {
+    /// Refuses an output that cannot be made, before any work is done for it.
+    ///
+    /// # Errors
+    /// [`Error::Request`] when its name is taken and not to be replaced, [`Error::Io`] when it
+    /// could not be written.
+    pub fn check(&self) -> Result<()> {
+        let Self::File(path, overwrite) = self else { return Ok(()) };
+        let is_taken = fs::symlink_metadata(path).is_ok() && !is_stream(path);
+        if is_taken && *overwrite == Overwrite::Refuse {
+            return Err(Error::Request(format!("{} exists", path.display())));
+        }
+        check_output(path)
+    }
+
+    /// What errors name.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::File(path, _) => path,
+            Self::Stdout => Path::new("-"),
+        }
+    }
 }
 
 /// What export needs to know.
@@ -37,7 +66,8 @@ pub struct Config {
 impl Config {
     /// Whether the header can be written over when everything else is.
     fn is_seekable(&self) -> bool {
-        self.compression == Compression::None && matches!(self.target, Target::File(..))
+        let is_file = matches!(&self.target, Target::File(path, _) if !is_stream(path));
+        is_file && self.compression == Compression::None
     }
 }
 

@@ -42,10 +42,7 @@ impl Output {
         workspace: &Workspace,
     ) -> Result<Self> {
         let stage = counts.is_none() && config.format != Format::Soup && !config.is_seekable();
-        let path = match &config.target {
-            Target::File(path, _) => path.clone(),
-            Target::Stdout => PathBuf::from("-"),
-        };
+        let path = config.target.path().to_owned();
         let staged = stage.then(|| workspace.path().join("staged-output"));
         let pipe = match &staged {
             Some(staged) => Pipe::file(staged, Overwrite::Replace, Compression::None)?,

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 
 use super::{Config, Outcome, output::Output};
 use crate::{
-    error::Result,
+    error::{Error, Result},
     formats::{self, Batch, Content, Counts, Findings, Format},
     progress::{Monitor, StageId},
     soup::{Column, IndexedMesh, Scratch, Source, Triangle, Triangles, Vertex},
@@ -18,11 +18,15 @@ const QUEUE_BATCHES: usize = 2;
 /// Pages of a vertex file that may be resident while a mesh becomes a soup.
 const RESIDENT_BYTES_MAX: u64 = 8 << 20;
 
+fn nothing_left(config: &Config) -> Error {
+    Error::NothingLeft { path: config.target.path().to_owned() }
+}
+
 /// Writes an indexed mesh in any format.
 ///
 /// # Errors
-/// [`crate::Error::FormatLimit`] before anything is written when the format cannot count the mesh,
-/// [`crate::Error::Io`], cancellation.
+/// [`Error::NothingLeft`] and, when the format cannot count the mesh, [`Error::FormatLimit`] before
+/// anything is written; [`Error::Io`], cancellation.
 pub fn export_mesh<V: Vertex>(
     mesh: &IndexedMesh<V>,
     config: &Config,
@@ -30,6 +34,9 @@ pub fn export_mesh<V: Vertex>(
     monitor: &Monitor,
 ) -> Result<Outcome> {
     let counts = mesh.counts();
+    if counts.triangles == 0 {
+        return Err(nothing_left(config));
+    }
     let indexed = matches!(config.format, Format::Ply | Format::Obj);
     let records = counts.triangles + if indexed { counts.vertices } else { 0 };
     let meter = monitor.meter(StageId::Export, Some(records));
@@ -53,7 +60,8 @@ pub fn export_mesh<V: Vertex>(
 /// Writes the triangles of a source as a soup, in order.
 ///
 /// # Errors
-/// What reading the source fails with, [`crate::Error::FormatLimit`], [`crate::Error::Io`], cancellation.
+/// What reading the source fails with, [`Error::NothingLeft`], [`Error::FormatLimit`],
+/// [`Error::Io`], cancellation.
 pub fn export_soup<V: Vertex>(
     source: &Source<V>,
     config: &Config,
@@ -98,6 +106,9 @@ pub fn export_soup<V: Vertex>(
         let produced = producer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         written.and(produced)
     })?;
+    if triangles == 0 {
+        return Err(nothing_left(config));
+    }
     let size_bytes = output.finish(config)?;
     meter.finish();
     Ok(Outcome { counts: Counts { vertices: 0, triangles }, size_bytes, findings: pass.finish() })
@@ -107,7 +118,7 @@ pub fn export_soup<V: Vertex>(
 /// `counts`, when known, are for the header.
 ///
 /// # Errors
-/// What `produce` fails with, [`crate::Error::FormatLimit`], [`crate::Error::Io`].
+/// What `produce` fails with, [`Error::FormatLimit`], [`Error::Io`].
 pub fn export_batches<T>(
     counts: Option<Counts>,
     config: &Config,
