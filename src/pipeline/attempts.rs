@@ -10,6 +10,7 @@ use crate::{
         convert::import::{Need, Outcome, Survey},
         simplify::cluster,
     },
+    storage::Reservation,
 };
 
 /// A clustered mesh and how it came about.
@@ -22,14 +23,19 @@ pub(super) struct Clustered<V> {
     /// Triangles asked for, if a count or ratio was.
     pub(super) wanted: Option<u64>,
     pub(super) report: ClusterReport,
+    /// The memory of the mesh, when there was so much left.
+    _held: Option<Reservation>,
 }
 
 /// A count within this factor of the wanted one is met: 25 %, the promise for clustering.
 const TOLERANCE: f64 = 1.25;
 /// Beyond this factor the clustering is done again, in case another grid does better.
 const TOLERANCE_AT_ONCE: f64 = 1.2;
-/// Times the input is clustered at most.
-const ATTEMPTS_MAX: u32 = 4;
+/// A grid that differs less from the last one is not tried.
+const STEP_MIN: f64 = 1e-3;
+/// Times the input is clustered at most. The estimate is good for large meshes; small ones, whose
+/// counts jump from grid to grid, are done again in no time.
+const ATTEMPTS_MAX: u32 = 6;
 
 impl<V: Vertex> Clustered<V> {
     /// Whether the count is the wanted one, within the promised tolerance.
@@ -44,17 +50,44 @@ impl<V: Vertex> Clustered<V> {
     }
 
     fn ratio(&self) -> f64 {
-        let count = self.mesh.counts().triangles.max(1) as f64;
+        // Nothing is not one triangle, nor infinitely far from it.
+        let count = (self.mesh.counts().triangles as f64).max(0.5);
         self.wanted.map_or(1.0, |wanted| count / wanted.max(1) as f64)
     }
+}
 
-    /// Cells along the longest side that should do better, if any: triangles grow with their
-    /// square, about.
-    fn better_cells(&self) -> Option<u32> {
-        let longest = f64::from(self.report.cells.into_iter().max().unwrap_or(1));
-        let cells = (longest / self.ratio().sqrt()).round();
-        let cells = cells.clamp(1.0, f64::from(CELLS_PER_AXIS_MAX));
-        (self.off_by() > TOLERANCE_AT_ONCE && cells != longest).then_some(cells as u32)
+/// The search for the number of cells, not always whole, along the longest side.
+#[derive(Default)]
+struct Search {
+    /// Cells that gave too few triangles, last.
+    few: Option<f64>,
+    /// Cells that gave too many, last.
+    many: Option<f64>,
+    /// Attempts in a row that were off in the same direction as the one before.
+    repeated: i32,
+    /// Whether the last attempt gave too few.
+    last_few: bool,
+}
+
+impl Search {
+    /// Cells that should do better than `cells`, which gave `ratio` times the wanted count.
+    fn next(&mut self, cells: f64, ratio: f64) -> f64 {
+        let is_few = ratio < 1.0;
+        let is_first = self.few.is_none() && self.many.is_none();
+        self.repeated = if is_few == self.last_few && !is_first { self.repeated + 1 } else { 0 };
+        self.last_few = is_few;
+        let side = if is_few { &mut self.few } else { &mut self.many };
+        *side = Some(cells);
+        // Triangles grow with the square of the cells, about; where they do not, steps grow.
+        let step = cells * ratio.powf(-0.5 * f64::from(1 << self.repeated.min(4)));
+        let next = match (self.few, self.many) {
+            (Some(few), Some(many)) => {
+                let is_between = step > few.min(many) && step < few.max(many);
+                if is_between && self.repeated == 0 { step } else { (few * many).sqrt() }
+            }
+            _ => step,
+        };
+        next.clamp(1.0, f64::from(CELLS_PER_AXIS_MAX))
     }
 }
 
@@ -70,6 +103,7 @@ impl Run<'_> {
         let repeatable = reopen.iter().all(Input::is_repeatable);
         let mut imported = Some(self.import::<V>(inputs, Need::Survey)?);
         let (mut best, mut cells): (Option<Clustered<V>>, _) = (None, None);
+        let mut search = Search::default();
         for attempt in 1..=ATTEMPTS_MAX {
             let outcome = if let Some(outcome) = imported.take() {
                 outcome
@@ -77,30 +111,35 @@ impl Run<'_> {
                 let inputs = reopen.iter().map(Input::open).collect::<Result<_>>()?;
                 self.import(inputs, Need::Survey)?
             };
-            let grid = self.grid(&outcome.survey, simplify.goal, cells)?;
+            let longest = outcome.survey.bounds.size().max_element();
+            let (grid, estimated) = self.grid(&outcome.survey, simplify.goal, cells)?;
             let (next, outcome) = self.cluster_once(outcome, simplify, grid, !repeatable)?;
             imported = outcome;
-            cells = next.better_cells();
-            if let Some(best) = best.as_mut().filter(|best| best.off_by() <= next.off_by()) {
-                best.report.attempts = attempt;
+            let (ratio, off_by) = (next.ratio(), next.off_by());
+            let tried = cells.unwrap_or_else(|| (longest / grid.cell_size()).max(1.0));
+            let estimate = estimated.or(best.as_ref().and_then(|b| b.report.triangles_estimated));
+            if best.as_ref().is_none_or(|best| off_by < best.off_by()) {
+                best = Some(next);
+            }
+            let report = &mut best.as_mut().expect("the first is better than none").report;
+            (report.attempts, report.triangles_estimated) = (attempt, estimate);
+            let more = search.next(tried, ratio);
+            let is_stuck = longest <= 0.0 || (more / tried - 1.0).abs() < STEP_MIN;
+            if off_by <= TOLERANCE_AT_ONCE || is_stuck {
                 break;
             }
-            let estimated = best.as_ref().and_then(|best| best.report.triangles_estimated);
-            let best = best.insert(next);
-            best.report.attempts = attempt;
-            best.report.triangles_estimated = best.report.triangles_estimated.or(estimated);
-            if cells.is_none() {
-                break;
-            }
+            cells = Some(more);
         }
         Ok(best.expect("the first attempt is better than none"))
     }
 
     /// The cells to use and the count expected of them.
-    fn grid(&self, survey: &Survey, goal: Goal, cells: Option<u32>) -> Result<(Grid, Option<u64>)> {
+    fn grid(&self, survey: &Survey, goal: Goal, cells: Option<f64>) -> Result<(Grid, Option<u64>)> {
         let bounds = &survey.bounds;
         let (grid, estimated) = match (cells, wanted(goal, survey.triangles())) {
-            (Some(cells), _) => (Grid::with_cells(bounds, cells), None),
+            (Some(cells), _) => {
+                (Grid::with_cell_size(bounds, bounds.size().max_element() / cells), None)
+            }
             (None, Some(wanted)) => {
                 let (cells, count) =
                     cluster::cells_for(&survey.sample, bounds, wanted, self.monitor);
@@ -125,7 +164,7 @@ impl Run<'_> {
         &self,
         outcome: Outcome<V>,
         simplify: &Simplify,
-        (grid, triangles_estimated): (Grid, Option<u64>),
+        grid: Grid,
         keep: bool,
     ) -> Result<(Clustered<V>, Option<Outcome<V>>)> {
         let (boundary_weight, placement) = (simplify.boundary_weight, simplify.placement);
@@ -142,13 +181,17 @@ impl Run<'_> {
             cells: grid.cells(),
             cell_size: grid.cell_size(),
             cells_occupied: clustered.cells,
-            triangles_estimated,
+            triangles_estimated: None,
             spills: clustered.spills,
             attempts: 1,
         };
         let wanted = wanted(simplify.goal, triangles_in);
         let mesh = clustered.mesh;
-        Ok((Clustered { mesh, survey, findings, triangles_in, wanted, report }, kept))
+        // As long as it is held, there is less for another attempt.
+        let held = self.workspace.budget().reserve(mesh.memory_bytes());
+        let clustered =
+            Clustered { mesh, survey, findings, triangles_in, wanted, report, _held: held };
+        Ok((clustered, kept))
     }
 }
 
@@ -158,5 +201,36 @@ fn wanted(goal: Goal, triangles: u64) -> Option<u64> {
         Goal::Triangles(count) => Some(count),
         Goal::Ratio(ratio) => Some((triangles as f64 * ratio).round() as u64),
         Goal::Cells(_) | Goal::CellSize(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cells tried until the count is within the tolerance.
+    fn attempts(wanted: f64, triangles: impl Fn(f64) -> f64, first: f64) -> u32 {
+        let (mut search, mut cells) = (Search::default(), first);
+        for attempt in 1..=ATTEMPTS_MAX {
+            let ratio = triangles(cells) / wanted;
+            if ratio.max(1.0 / ratio) <= TOLERANCE_AT_ONCE {
+                return attempt;
+            }
+            cells = search.next(cells, ratio);
+        }
+        panic!("{wanted} is not met, at last with {cells} cells");
+    }
+
+    #[test]
+    fn a_surface_is_met_at_the_second_attempt() {
+        assert_eq!(attempts(1000.0, |cells| 5.0 * cells * cells, 100.0), 2);
+        assert_eq!(attempts(1000.0, |cells| 5.0 * cells * cells, 1.0), 2);
+    }
+
+    #[test]
+    fn a_count_that_stands_still_is_left_in_growing_steps() {
+        // Far fewer vertices than cells: nothing happens until they are nearly as few.
+        assert!(attempts(500.0, |cells| cells.powi(2).min(1000.0), 3000.0) <= 6);
+        assert!(attempts(400.0, |cells| 3.0 * cells, 2.0) <= 5);
     }
 }

@@ -87,4 +87,18 @@ impl<V: Vertex> IndexedMesh<V> {
         };
         Counts { vertices: self.vertices.count(), triangles }
     }
+
+    /// Bytes it takes in memory; files take none.
+    #[must_use]
+    pub fn memory_bytes(&self) -> u64 {
+        let vertices = match &self.vertices {
+            Column::Memory(vertices) => size_of_val(vertices.as_slice()),
+            Column::File(_) => 0,
+        };
+        let triangles = match &self.triangles {
+            Triangles::Memory(triangles) => size_of_val(triangles.as_slice()),
+            Triangles::File(_) => 0,
+        };
+        (vertices + triangles) as u64
+    }
 }
