@@ -3,6 +3,14 @@
 //! `cfg(test)` is always true here; it tells clippy that these modules are tests throughout.
 
 #[cfg(test)]
+mod cli;
+#[cfg(test)]
+mod cluster;
+#[cfg(test)]
+mod command;
+#[cfg(test)]
+mod convert;
+#[cfg(test)]
 mod golden;
 #[cfg(test)]
 mod info;
