@@ -20,7 +20,7 @@ pub(super) struct CellTable<V: Vertex> {
     /// What did not fit 32 bits.
     pub(super) overflow: Vec<Overflow>,
     /// The cells seen last, by the low bits of their indices: on coherent input nearly every
-    /// look-up ends here, in the first-level cache.
+    /// look-up ends here, in the caches of the core.
     recent: Box<[(CellId, u32)]>,
     /// Triangles without area.
     pub(super) degenerate: u64,
@@ -36,8 +36,8 @@ pub(super) struct Overflow {
     pub(super) attributes: [i64; ATTRIBUTES_MAX],
 }
 
-/// Bits per axis of the key into [`CellTable::recent`]: 8 × 8 × 8 cells, 8 KiB.
-const RECENT_BITS: u32 = 3;
+/// Bits per axis of the key into [`CellTable::recent`]: 16 × 16 × 16 cells, 64 KiB.
+const RECENT_BITS: u32 = 4;
 const NO_CELL: CellId = CellId(u64::MAX);
 /// Slots of an empty table.
 const SLOTS_MIN: usize = 1 << 10;
