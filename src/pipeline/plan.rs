@@ -226,7 +226,7 @@ fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
 
 fn plan_weld(job: &Job, plan: &mut Plan) {
     plan.stage(StageId::Weld, "give equal positions one number".to_owned());
-    if plan.records.is_none_or(|count| count * 48 > job.memory_bytes) {
+    if plan.records.is_none_or(|count| count * 96 > job.memory_bytes) {
         plan.add_temporary(plan.records.map(|count| count * WELD_BYTES_PER_TRIANGLE));
         plan.notes.push("corners that outgrow the memory are sorted on disk".to_owned());
     }

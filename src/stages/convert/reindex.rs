@@ -24,9 +24,9 @@ pub struct Outcome<V> {
     pub findings: Findings,
 }
 
-/// Bytes that welding a triangle takes in memory: three indices, and half a vertex with its
-/// place in the hash table, with room for both to grow.
-const MEMORY_BYTES_PER_TRIANGLE: u64 = 2 * (12 + 12);
+/// Bytes that welding a triangle takes in memory at most: three indices, and if no two triangles
+/// touch, three vertices with their places in a hash table that is half full.
+const MEMORY_BYTES_PER_TRIANGLE: u64 = 12 + 3 * (16 + 12);
 /// Least memory of the external sorts.
 const SORT_BYTES_MIN: u64 = 4 << 20;
 

@@ -202,8 +202,11 @@ impl<V: Vertex> CellTable<V> {
         }
         if size_of::<V::Sums>() > 0 {
             let attributes = self.attributes[cell as usize].as_mut();
-            let weight = add[WEIGHT] / vertices.len() as i32;
-            for vertex in vertices {
+            let (each, rest) =
+                (add[WEIGHT] / vertices.len() as i32, add[WEIGHT] as usize % vertices.len());
+            for (index, vertex) in vertices.iter().enumerate() {
+                // The whole weight is shared out: what is left over would darken the mean.
+                let weight = each + i32::from(index < rest);
                 for (sum, add) in attributes.iter_mut().zip(vertex.weigh(weight).as_ref()) {
                     *sum += add;
                 }
