@@ -24,7 +24,7 @@ pub enum Overwrite {
 /// Opens a user's file for reading, front to back.
 ///
 /// # Errors
-/// [`Error::Io`] when it does not exist, cannot be read, or is a directory.
+/// [`crate::Error::Io`] when it does not exist, cannot be read, or is a directory.
 pub fn open_input(path: &Path) -> Result<File> {
     let file = File::options().read(true).open(path).at("open", path)?;
     if file.metadata().at("examine", path)?.is_dir() {
@@ -45,7 +45,7 @@ pub fn is_stream(path: &Path) -> bool {
 /// caller's to judge.
 ///
 /// # Errors
-/// [`Error::Io`], as [`OutputFile::create`] would fail.
+/// [`crate::Error::Io`], as [`OutputFile::create`] would fail.
 pub fn check_output(path: &Path) -> Result<()> {
     let path = &resolve(path)?;
     match fs::metadata(path) {
@@ -97,7 +97,7 @@ impl OutputFile {
     /// Starts an output file that will be called `path`.
     ///
     /// # Errors
-    /// [`Error::Io`] when the name is taken ([`Overwrite::Refuse`]) or is a directory, or the
+    /// [`crate::Error::Io`] when the name is taken ([`Overwrite::Refuse`]) or is a directory, or the
     /// folder cannot be written to.
     pub fn create(path: &Path, overwrite: Overwrite) -> Result<Self> {
         let path = resolve(path)?;
@@ -127,7 +127,7 @@ impl OutputFile {
     /// Reserves disk space for `bytes`, so that a full disk is an early, clean error.
     ///
     /// # Errors
-    /// [`Error::Io`] when the disk is full.
+    /// [`crate::Error::Io`] when the disk is full.
     pub fn allocate(&self, bytes: u64) -> Result<()> {
         match &self.sink {
             Sink::Partial(partial) => allocate(partial.as_file(), bytes).at("allocate", &self.path),
@@ -144,7 +144,7 @@ impl OutputFile {
     /// Overwrites the first bytes, for headers whose counts are known only at the end.
     ///
     /// # Errors
-    /// [`Error::Io`] when the disk does not take it, or this is a stream.
+    /// [`crate::Error::Io`] when the disk does not take it, or this is a stream.
     pub fn patch(&mut self, bytes: &[u8]) -> Result<()> {
         let file = match &mut self.sink {
             Sink::Partial(partial) => partial.as_file_mut(),
@@ -161,7 +161,7 @@ impl OutputFile {
     /// Syncs the file and gives it its name. Returns its size.
     ///
     /// # Errors
-    /// [`Error::Io`] when the disk is full or the name was taken meanwhile.
+    /// [`crate::Error::Io`] when the disk is full or the name was taken meanwhile.
     pub fn finish(self) -> Result<u64> {
         let Self { sink, path, overwrite } = self;
         let mut partial = match sink {
