@@ -140,6 +140,21 @@ pub enum Error {
         /// Broken rule.
         fault: Fault,
     },
+    /// A soup that is said to be sorted is not.
+    #[error(
+        "triangle {triangle}: {late_by} triangles late in the order along {axis}, \
+         {late_by_max} can be made up for"
+    )]
+    NotSorted {
+        /// `x`, `y` or `z`.
+        axis: &'static str,
+        /// 0-based index of the triangle, over all inputs.
+        triangle: u64,
+        /// How many triangles it is late.
+        late_by: u64,
+        /// How many it may be late.
+        late_by_max: u64,
+    },
     /// The operating system refused something.
     #[error("cannot {verb} {}", path.display())]
     Io {

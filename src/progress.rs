@@ -18,6 +18,8 @@ pub enum StageId {
     Import,
     /// Indexed mesh to triangle soup.
     Dereference,
+    /// How far triangles are from sorted.
+    Measure,
     /// Records put in the order of their key.
     Sort,
     /// Soup to indexed mesh.
@@ -43,6 +45,7 @@ impl StageId {
         match self {
             Self::Import => "import",
             Self::Dereference => "dereference",
+            Self::Measure => "measure",
             Self::Sort => "sort",
             Self::Weld => "weld",
             Self::Estimate => "estimate",

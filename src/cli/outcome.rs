@@ -32,7 +32,7 @@ pub(super) fn fail(error: &Error, signal: Option<i32>, display: &Display) -> Exi
 
 fn code(error: &Error) -> u8 {
     match error {
-        Error::Input { .. } | Error::NothingLeft { .. } => BAD_INPUT,
+        Error::Input { .. } | Error::NothingLeft { .. } | Error::NotSorted { .. } => BAD_INPUT,
         Error::Io { source, verb: "read", .. } if source.kind() == io::ErrorKind::IsADirectory => {
             BAD_INPUT
         }

@@ -107,8 +107,9 @@ const PARALLEL_RECORDS_MIN: usize = 1 << 14;
 /// Keys looked at to cut a batch for several threads; 16 for each bucket.
 const SAMPLE_KEYS: usize = 1 << 12;
 
-/// Sorts `records` on all threads of the current pool. Takes as much memory again.
-pub(super) fn sort_parallel<R: Keyed>(records: &mut [R]) {
+/// Sorts `records` stably on all threads of the current pool. Takes as much memory again, and two
+/// bytes a record; nothing when they are in order already.
+pub fn sort_parallel<R: Keyed>(records: &mut [R]) {
     if records.is_sorted_by_key(R::key) {
         return;
     }

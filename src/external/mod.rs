@@ -28,4 +28,5 @@ mod sort_merge;
 #[cfg(test)]
 mod testing;
 
-pub use keys::{Keyed, SortKey, ordered_f32};
+pub use in_memory::sort_parallel;
+pub use keys::{Keyed, SortKey};

@@ -2,12 +2,16 @@
 
 mod bounds;
 mod grid;
+mod lateness;
+mod ordered;
 mod polygon;
 mod quadric;
 mod sample;
 
 pub use bounds::Bounds;
 pub use grid::{CELLS_PER_AXIS_MAX, CellId, Grid};
+pub use lateness::{Lateness, MAXIMA_DEFAULT, MAXIMA_PER_PART};
+pub use ordered::ordered_f32;
 pub use polygon::triangulate;
 pub use quadric::{Placement, Quadric};
 pub use sample::{Sample, Sampler};

@@ -4,16 +4,16 @@
 //! soups stay where they are when they can be read again; what cannot (standard input, faces that
 //! refer to vertices still to come) is set aside in the workspace.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use crate::{
     error::{Error, Fault, Position, Result},
     formats::{Batch, Content, Findings, MeshReader, Origin},
-    geometry::{Bounds, Sample, Sampler},
+    geometry::{Bounds, MAXIMA_DEFAULT, Sample, Sampler},
     progress::{Meter, Monitor, StageId},
     soup::{
-        FaceList, FaceWriter, Input, LiveReader, OpenInput, Part, Scratch, Source, Triangle,
-        Vertex, VertexTable,
+        FaceList, FaceWriter, Input, LiveReader, Minima, OpenInput, OrderMeter, Part, Scratch,
+        Source, Taken, Triangle, Vertex, VertexTable, for_each_in_order,
     },
     storage::{RecordWriter, Reservation, Workspace},
 };
@@ -25,6 +25,8 @@ pub enum Need {
     Triangles,
     /// Bounds, count and a sample of all of them, and then the triangles again.
     Survey,
+    /// The same, and how far soups are from sorted.
+    Order,
 }
 
 /// What import needs to know.
@@ -57,6 +59,10 @@ pub struct Survey {
     pub bounds: Bounds,
     /// Some of the vertices. Of soups only after [`Need::Survey`].
     pub sample: Sample,
+    /// Along each axis, how many triangles the worst one comes too late to be in the order of their
+    /// least coordinates, see [`OrderMeter::displacement_max`]. Only after [`Need::Order`], and if
+    /// all inputs are soups.
+    pub displacement_max: Option<[u64; 3]>,
     /// Bytes set aside in the workspace because an input could not be read again.
     pub spooled_bytes: u64,
     /// A vertex table did not fit in memory.
@@ -91,6 +97,7 @@ pub fn import<V: Vertex>(
         survey: Survey::default(),
         look: Look::default(),
     };
+    job.look.order = (config.need == Need::Order).then(|| OrderMeter::new(MAXIMA_DEFAULT));
     let mut source = Source { parts: Vec::new(), findings: Findings::default() };
     for input in inputs {
         let input = job.around_origin(input)?;
@@ -109,6 +116,8 @@ pub fn import<V: Vertex>(
     survey.origin = origin.get();
     survey.records = source.records();
     survey.bounds = look.bounds;
+    let soups = source.parts.iter().all(|part| !matches!(part, Part::Indexed { .. }));
+    survey.displacement_max = look.order.filter(|_| soups).map(|order| order.displacement_max());
     survey.sample = Sampler::finish(look.samplers, look.vertices);
     Ok(Outcome { source, survey })
 }
@@ -118,6 +127,8 @@ pub fn import<V: Vertex>(
 struct Look {
     bounds: Bounds,
     samplers: Vec<Sampler>,
+    /// With [`Need::Order`].
+    order: Option<OrderMeter>,
     /// Distinct vertices, about: a soup has a vertex for every two triangles.
     vertices: u64,
 }
@@ -245,26 +256,66 @@ impl Job<'_> {
         let parts = vec![self.defer_soup::<V>(open)?];
         let input = Input { origin: self.origin, ..input };
         let source = Source { parts, findings: Findings::default() };
+        let records = if let Some(mut order) = self.look.order.take() {
+            let records = self.look_in_order(&source, &mut order, &meter)?;
+            self.look.order = Some(order);
+            records
+        } else {
+            self.look_in_any_order(&source, &meter)?
+        };
+        meter.finish();
+        self.count_soup(&input, records)?;
+        Ok(Part::Soup(LiveReader::closed(input, Some(records))))
+    }
+
+    /// Looks at a soup on all threads, at its order on this one; returns how many triangles it has.
+    fn look_in_order<V: Vertex>(
+        &mut self,
+        source: &Source<V>,
+        order: &mut OrderMeter,
+        meter: &Meter,
+    ) -> Result<u64> {
+        let samplers = Mutex::new(Vec::<Sampler>::new());
+        let lock = || samplers.lock().unwrap_or_else(PoisonError::into_inner);
+        let work = |taken: &Taken<'_, V>, (minima, bounds): &mut (Minima, Bounds)| {
+            let spare = lock().pop();
+            let mut sampler = spare.unwrap_or_default();
+            let corners = taken.triangles.iter().map(|triangle| triangle.0[0].position());
+            sampler.look(taken.first_record, corners);
+            lock().push(sampler);
+            minima.fill(taken.triangles, bounds);
+        };
+        let mut records = 0;
+        for_each_in_order(source, meter, work, |(minima, bounds)| {
+            order.add(minima);
+            self.look.bounds = self.look.bounds.union(bounds);
+            records += minima.count() as u64;
+            Ok(())
+        })?;
+        self.look.samplers.append(&mut lock());
+        Ok(records)
+    }
+
+    /// Looks at a soup on all threads; returns how many triangles it has.
+    fn look_in_any_order<V: Vertex>(&mut self, source: &Source<V>, meter: &Meter) -> Result<u64> {
         let pass = source.pass();
         let looks = Mutex::new(Vec::new());
         rayon::scope(|scope| {
             for _ in 0..rayon::current_num_threads() {
                 scope.spawn(|_| {
-                    let look = look_at_soup(&pass, &meter);
-                    looks.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(look);
+                    let look = look_at_soup(&pass, meter);
+                    looks.lock().unwrap_or_else(PoisonError::into_inner).push(look);
                 });
             }
         });
         let mut records = 0;
-        for look in looks.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+        for look in looks.into_inner().unwrap_or_else(PoisonError::into_inner) {
             let (bounds, sampler, seen) = look?;
             self.look.bounds = self.look.bounds.union(&bounds);
             self.look.samplers.push(sampler);
             records += seen;
         }
-        meter.finish();
-        self.count_soup(&input, records)?;
-        Ok(Part::Soup(LiveReader::closed(input, Some(records))))
+        Ok(records)
     }
 
     /// Sets a soup aside in the workspace.
@@ -280,6 +331,7 @@ impl Job<'_> {
         let pass = source.pass();
         let mut writer = RecordWriter::create(self.workspace, "soup", declared)?;
         let (mut scratch, mut sampler) = (Scratch::default(), Sampler::default());
+        let mut minima = Minima::default();
         while let Some(taken) = pass.next(&mut scratch)? {
             look_at_triangles(
                 taken.triangles,
@@ -287,6 +339,10 @@ impl Job<'_> {
                 &mut sampler,
                 &mut self.look.bounds,
             );
+            if let Some(order) = &mut self.look.order {
+                minima.fill(taken.triangles, &mut self.look.bounds);
+                order.add(&minima);
+            }
             writer.extend(taken.triangles)?;
             meter.add(taken.records)?;
         }

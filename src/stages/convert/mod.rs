@@ -3,4 +3,5 @@
 pub mod dereference;
 pub mod export;
 pub mod import;
+pub mod presort;
 pub mod reindex;

@@ -9,8 +9,9 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::{
     error::Result,
-    external::{Keyed, ordered_f32, sort},
+    external::{Keyed, sort},
     formats::Findings,
+    geometry::ordered_f32,
     progress::{Monitor, StageId},
     soup::{Column, IndexedMesh, Scratch, Source, Triangles, Vertex},
     storage::{Record, RecordWriter, Workspace},

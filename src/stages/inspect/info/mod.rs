@@ -2,19 +2,15 @@
 //!
 //! It says nothing of what needs more than a pass, such as boundaries or components.
 
-mod order;
-
 use glam::DVec3;
 
 use crate::{
     error::{Position, Result},
     formats::{DefectKind, Findings},
-    geometry::Bounds,
+    geometry::{self, Bounds, MAXIMA_PER_PART},
     progress::{Monitor, StageId},
-    soup::{Scratch, Source, Triangle, Vertex},
+    soup::{Minima, OrderMeter, Scratch, Source, Triangle, Vertex},
 };
-
-use order::Lateness;
 
 /// What info needs to know.
 #[derive(Clone, Copy, Debug)]
@@ -25,10 +21,9 @@ pub struct Config {
 }
 
 /// Least value of [`Config::maxima_max`].
-pub const MAXIMA_MIN: usize = order::MAXIMA_PER_PART;
-/// A good value of [`Config::maxima_max`]. Chosen by hand: 3 MiB for the three axes, and
-/// displacements at most 0.2 % too large.
-pub const MAXIMA_DEFAULT: usize = 1 << 16;
+pub const MAXIMA_MIN: usize = MAXIMA_PER_PART;
+/// A good value of [`Config::maxima_max`]: 3 MiB for the three axes.
+pub const MAXIMA_DEFAULT: usize = geometry::MAXIMA_DEFAULT;
 
 /// What the triangles are like.
 #[derive(Clone, Debug)]
@@ -64,8 +59,8 @@ pub fn info<V: Vertex>(source: &Source<V>, config: &Config, monitor: &Monitor) -
     let mut measured = Measured {
         triangles: 0,
         bounds: Bounds::default(),
-        lateness: [(); 3].map(|()| Lateness::new(config.maxima_max)),
-        keys: [[0.0; TRIANGLES_PER_CHUNK]; 3],
+        order: OrderMeter::new(config.maxima_max),
+        minima: Minima::default(),
         degenerate: Findings::default(),
     };
     let mut scratch = Scratch::default();
@@ -85,7 +80,7 @@ pub fn info<V: Vertex>(source: &Source<V>, config: &Config, monitor: &Monitor) -
     Ok(Outcome {
         triangles: measured.triangles,
         bounds: measured.bounds,
-        displacement_max: measured.lateness.map(|lateness| lateness.displacement_max()),
+        displacement_max: measured.order.displacement_max(),
         findings,
     })
 }
@@ -94,10 +89,9 @@ pub fn info<V: Vertex>(source: &Source<V>, config: &Config, monitor: &Monitor) -
 struct Measured {
     triangles: u64,
     bounds: Bounds,
-    /// Along each axis.
-    lateness: [Lateness; 3],
-    /// Along each axis, the least coordinate of each triangle of a chunk.
-    keys: [[f32; TRIANGLES_PER_CHUNK]; 3],
+    order: OrderMeter,
+    /// Of a chunk.
+    minima: Minima,
     degenerate: Findings,
 }
 
@@ -105,13 +99,8 @@ impl Measured {
     /// Adds triangles; `record` is the record of the first one, if it is known.
     fn add<V: Vertex>(&mut self, triangles: &[Triangle<V>], record: Option<u64>) {
         self.triangles += triangles.len() as u64;
-        for axis in 0..3 {
-            let keys = &mut self.keys[axis][..triangles.len()];
-            let [min, max] = extent(triangles, axis, keys);
-            self.bounds.min[axis] = self.bounds.min[axis].min(min);
-            self.bounds.max[axis] = self.bounds.max[axis].max(max);
-            self.lateness[axis].add(keys);
-        }
+        self.minima.fill(triangles, &mut self.bounds);
+        self.order.add(&self.minima);
         let mut degenerate = triangles.iter().enumerate().filter(|(_, one)| has_no_area(one));
         if let Some((index, _)) = degenerate.next() {
             let place = |record| Position::default().in_record(record + index as u64);
@@ -119,21 +108,6 @@ impl Measured {
             self.degenerate.add(DefectKind::Degenerate, 1 + degenerate.count() as u64, at);
         }
     }
-}
-
-/// Sets `keys` to the triangles' least coordinates along an axis; returns the least and the
-/// greatest of all. Coordinates are finite, so plain comparisons do, and are faster.
-fn extent<V: Vertex>(triangles: &[Triangle<V>], axis: usize, keys: &mut [f32]) -> [f32; 2] {
-    let lesser = |a: f32, b: f32| if b < a { b } else { a };
-    let greater = |a: f32, b: f32| if b > a { b } else { a };
-    let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
-    for (triangle, key) in triangles.iter().zip(keys) {
-        let [a, b, c] = triangle.0.map(|vertex| vertex.position()[axis]);
-        *key = lesser(lesser(a, b), c);
-        min = lesser(min, *key);
-        max = greater(max, greater(greater(a, b), c));
-    }
-    [min, max]
 }
 
 /// Whether two corners are equal or all three on a line: the cross product of two sides is zero.

@@ -1,0 +1,255 @@
+//! Triangles in the order of a sweep `[WK03 §1]`, see [`SweepKey`](crate::soup::SweepKey).
+//!
+//! Two ways to the same order, byte by byte. A stream that is nearly sorted is put in order as it
+//! passes, within a window in memory; any other is sorted, on disk where it does not fit. What is
+//! sorted is the soup: an indexed mesh is dereferenced as it is read.
+
+mod record;
+#[cfg(test)]
+mod tests;
+mod window;
+
+use crate::{
+    error::Result,
+    external::{
+        sort::{self, Engine, Sorter},
+        sort_parallel,
+    },
+    formats::Findings,
+    geometry::{Bounds, MAXIMA_DEFAULT},
+    progress::{Monitor, StageId},
+    soup::{
+        Minima, OrderMeter, Point, Source, SweepAxis, Taken, Triangle, Vertex, for_each_in_order,
+    },
+    storage::Workspace,
+};
+
+use record::SweepRecord;
+use window::Window;
+
+/// What presort needs to know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// The axis to sort along.
+    pub axis: SweepAxis,
+    /// How.
+    pub method: Method,
+    /// Bytes of memory to hold, reserved by the caller; buffers of some batches lie beside it.
+    pub memory_bytes: u64,
+}
+
+/// How to sort. The result is the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// In passing: the stream is at most so many triangles late along the axis, as
+    /// [`measure_order`] measures it or somebody promises. Fits when [`window_bytes`] do; where so
+    /// many triangles tie that more must wait than fits, the rest is sorted as by [`Self::Sort`].
+    Absorb {
+        /// How many triangles the worst one is late.
+        displacement_max: u64,
+    },
+    /// In memory when it fits, on disk when not.
+    Sort,
+}
+
+/// What presort did.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Triangles passed on.
+    pub triangles: u64,
+    /// How many triangles the worst one was late, if all were absorbed.
+    pub displacement_max: Option<u64>,
+    /// Triangles that waited in the window at most; 0 when there was none.
+    pub held_max: u64,
+    /// What the pass over the source found.
+    pub findings: Findings,
+}
+
+/// Copies of a triangle while a window is sorted: waiting, ready, and the scratch of the sort.
+const WINDOW_COPIES: u64 = 3;
+
+/// Bytes of memory that absorbing takes, ties apart.
+#[must_use]
+pub fn window_bytes<V: Vertex>(displacement_max: u64) -> u64 {
+    window::triangles_max(displacement_max)
+        .saturating_mul(WINDOW_COPIES * size_of::<SweepRecord<V>>() as u64)
+}
+
+/// Bytes of memory in which so many triangles are sorted without the disk.
+#[must_use]
+pub fn sort_bytes<V: Vertex>(triangles: u64) -> u64 {
+    // Two bytes for the number of a bucket, twice, and one for the records that divide unevenly.
+    triangles.saturating_mul(2 * size_of::<SweepRecord<V>>() as u64 + 5)
+}
+
+/// Bytes on disk of a triangle that is being sorted.
+#[must_use]
+pub fn disk_bytes_per_triangle(colored: bool) -> u64 {
+    let plain = size_of::<SweepRecord<Point>>() as u64;
+    plain + if colored { 12 } else { 0 }
+}
+
+/// Passes all triangles of `source` to `sink` in the order of
+/// [`SweepKey`](crate::soup::SweepKey), in batches of any size.
+///
+/// One pass over the source, on all threads; `sink` runs on the calling one. Memory:
+/// [`Config::memory_bytes`]. Temporary disk: none, or about the size of the triangles, see
+/// [`Method`].
+///
+/// # Errors
+/// What reading the source fails with, [`Error::NotSorted`](crate::Error::NotSorted) when a
+/// triangle is later than was promised and can no longer be passed on in order, a full disk,
+/// cancellation, and what `sink` returns.
+pub fn presort<V: Vertex>(
+    source: &Source<V>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+    sink: impl FnMut(&[Triangle<V>]) -> Result<()>,
+) -> Result<Outcome> {
+    let sort = sort::Config {
+        stage: StageId::Sort,
+        memory_bytes: config.memory_bytes,
+        engine: Engine::Auto,
+    };
+    let sorter = || Sorter::<SweepRecord<V>>::new(&sort, workspace, monitor);
+    let mut sink = Sink { axis: config.axis, triangles: 0, batch: Vec::new(), to: sink };
+    let outcome = match config.method {
+        Method::Absorb { displacement_max } => {
+            let mut stream = Stream {
+                window: Window::new(config.axis, displacement_max),
+                held_max: held_max::<V>(config),
+                ready: Vec::new(),
+                overflow: None,
+            };
+            let findings = pass(source, config.axis, monitor, |records| {
+                stream.take(records, &sorter, &mut sink)
+            })?;
+            stream.finish(findings, &mut sink)?
+        }
+        Method::Sort => {
+            let mut sorter = sorter();
+            let findings = pass(source, config.axis, monitor, |records| sorter.push(records))?;
+            sorter.finish_into(|records| sink.pass_on(records))?;
+            Outcome { triangles: 0, displacement_max: None, held_max: 0, findings }
+        }
+    };
+    Ok(Outcome { triangles: sink.triangles, ..outcome })
+}
+
+/// Triangles that a window may hold.
+fn held_max<V: Vertex>(config: &Config) -> usize {
+    (config.memory_bytes / (WINDOW_COPIES * size_of::<SweepRecord<V>>() as u64)) as usize
+}
+
+/// Passes over the source: records are made on all threads and handed to `take` in order.
+fn pass<V: Vertex>(
+    source: &Source<V>,
+    axis: SweepAxis,
+    monitor: &Monitor,
+    mut take: impl FnMut(&[SweepRecord<V>]) -> Result<()>,
+) -> Result<Findings> {
+    let meter = monitor.meter(StageId::Sort, source.records());
+    let convert = |taken: &Taken<'_, V>, records: &mut Vec<SweepRecord<V>>| {
+        records.clear();
+        records.extend(taken.triangles.iter().map(|triangle| SweepRecord::new(triangle, axis)));
+    };
+    let findings = for_each_in_order(source, &meter, convert, |records| take(records))?;
+    meter.finish();
+    Ok(findings)
+}
+
+/// Where sorted records go: as triangles again, to the caller's sink.
+struct Sink<V, S> {
+    axis: SweepAxis,
+    triangles: u64,
+    batch: Vec<Triangle<V>>,
+    to: S,
+}
+
+/// Triangles of a batch for the sink: they stay in the cache while they are turned back.
+const BATCH_TRIANGLES: usize = 1 << 13;
+
+impl<V: Vertex, S: FnMut(&[Triangle<V>]) -> Result<()>> Sink<V, S> {
+    fn pass_on(&mut self, records: &[SweepRecord<V>]) -> Result<()> {
+        self.triangles += records.len() as u64;
+        for records in records.chunks(BATCH_TRIANGLES) {
+            self.batch.clear();
+            self.batch.extend(records.iter().map(|record| record.triangle(self.axis)));
+            (self.to)(&self.batch)?;
+        }
+        Ok(())
+    }
+}
+
+/// A stream being put in order.
+struct Stream<'a, V: Vertex> {
+    window: Window<V>,
+    /// Above so many, what waits goes to the sorter.
+    held_max: usize,
+    /// Room for those that can go.
+    ready: Vec<SweepRecord<V>>,
+    /// Sorts what waits and all the rest, once the window is too small.
+    overflow: Option<Sorter<'a, SweepRecord<V>>>,
+}
+
+impl<'a, V: Vertex> Stream<'a, V> {
+    fn take(
+        &mut self,
+        records: &[SweepRecord<V>],
+        sorter: &impl Fn() -> Sorter<'a, SweepRecord<V>>,
+        sink: &mut Sink<V, impl FnMut(&[Triangle<V>]) -> Result<()>>,
+    ) -> Result<()> {
+        self.window.check(records)?;
+        if let Some(overflow) = &mut self.overflow {
+            return overflow.push(records);
+        }
+        self.window.take(records, &mut self.ready);
+        sink.pass_on(&self.ready)?;
+        self.ready.clear();
+        if self.window.held() > self.held_max {
+            let mut sorter = sorter();
+            sorter.push(&self.window.give_up())?;
+            self.ready = Vec::new();
+            self.overflow = Some(sorter);
+        }
+        Ok(())
+    }
+
+    fn finish(
+        mut self,
+        findings: Findings,
+        sink: &mut Sink<V, impl FnMut(&[Triangle<V>]) -> Result<()>>,
+    ) -> Result<Outcome> {
+        let (held_max, found) = (self.window.held_max, self.window.displacement_found());
+        let displacement_max = self.overflow.is_none().then_some(found);
+        if let Some(overflow) = self.overflow {
+            overflow.finish_into(|records| sink.pass_on(records))?;
+        } else {
+            let mut rest = self.window.give_up();
+            sort_parallel(&mut rest);
+            sink.pass_on(&rest)?;
+        }
+        Ok(Outcome { triangles: 0, displacement_max, held_max, findings })
+    }
+}
+
+/// How far the triangles of `source` are from sorted: along each axis, how many triangles the
+/// worst one is late by its least coordinate, see [`OrderMeter::displacement_max`]. One pass, on
+/// all threads, in constant memory.
+///
+/// # Errors
+/// What reading the source fails with, cancellation.
+pub fn measure_order<V: Vertex>(source: &Source<V>, monitor: &Monitor) -> Result<[u64; 3]> {
+    let meter = monitor.meter(StageId::Measure, source.records());
+    let mut order = OrderMeter::new(MAXIMA_DEFAULT);
+    let look = |taken: &Taken<'_, V>, (minima, bounds): &mut (Minima, Bounds)| {
+        minima.fill(taken.triangles, bounds);
+    };
+    for_each_in_order(source, &meter, look, |(minima, _)| {
+        order.add(minima);
+        Ok(())
+    })?;
+    meter.finish();
+    Ok(order.displacement_max())
+}
