@@ -23,6 +23,7 @@ use args::{Cli, Command};
 pub(crate) fn main() -> ExitCode {
     // Misuse ends here, with exit code 2 and clap's explanation.
     let Cli { command } = Cli::parse();
+    host::raise_open_files();
     let host = host::host();
     match &command {
         Command::Simplify(args) => commands::simplify(args, &host),

@@ -1,17 +1,20 @@
 //! Records into buckets on disk, by a number each record gives.
 //!
-//! The input is taken in parts that fit the processor's cache. Parts are partitioned on all
-//! threads, and appended to the buckets, in order, on the calling one.
+//! The input is taken in parts that fit the processor's cache. Each thread reads a part of its
+//! own, partitions it, adds it to the buckets when its turn has come, and writes those buffers
+//! that this filled.
 
 use std::sync::Mutex;
 
 use super::{
-    partition::{BUCKETS_MAX, Part, WAVE_PARTS, part_records},
-    waves,
+    partition::{BUCKETS_MAX, Part, part_records},
+    turns::{Steps, in_turns},
 };
 use crate::{
     error::Result,
-    storage::{Record, RecordFile, RecordWriter, Workspace, open_files_max},
+    storage::{
+        FullBuffers, Record, RecordFile, RecordWriter, Stretch, Sum, Workspace, open_files_max,
+    },
 };
 
 /// What a [`Distributor`] may take.
@@ -106,12 +109,12 @@ const BUFFER_BYTES_MIN: u64 = 1 << 12;
 const BUFFER_BYTES_MAX: u64 = 1 << 16;
 
 impl<R: Record> Buckets<R> {
-    /// An eighth of the memory is for buffers, a quarter for the parts under way; the rest is
-    /// the caller's.
+    /// A quarter of the memory is for buffers, a sixteenth for those that wait to be written, an
+    /// eighth for the parts under way; the rest is the caller's.
     pub(super) fn create(workspace: &Workspace, name: &str, config: &Config) -> Result<Self> {
         let Config { buckets, memory_bytes } = *config;
         assert!(buckets <= BUCKETS_MAX, "too many buckets");
-        let buffer_bytes = memory_bytes / 8 / buckets.max(1) as u64;
+        let buffer_bytes = memory_bytes / 4 / buckets.max(1) as u64;
         let buffer_bytes = buffer_bytes.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize;
         let create = |_| RecordWriter::create_buffered(workspace, name, None, buffer_bytes);
         let writers = (0..buckets).map(create).collect::<Result<_>>()?;
@@ -126,59 +129,101 @@ impl<R: Record> Buckets<R> {
         bucket_of: impl Fn(&S) -> usize + Sync,
         convert: impl Fn(usize, &S) -> R + Sync,
     ) -> Result<()> {
-        let part_records = part_records::<R>(self.memory_bytes);
+        let (buckets, part_records) = (self.writers.len(), self.part_records());
         let mut parts = records.chunks(part_records).enumerate();
-        let next = || Ok(parts.next().map(|(i, part)| (i * part_records, part)));
-        self.append_parts(next, bucket_of, convert)
+        let next = || Ok(parts.next());
+        let work = |(i, source): (usize, &[S]), under_way: &mut UnderWay<R>| {
+            let convert = |at, record: &S| convert(i * part_records + at, record);
+            under_way.part.fill(source, buckets, &bucket_of, convert);
+            Ok(())
+        };
+        self.append_parts(next, work, |_| Ok(()))
     }
 
     /// Sends a whole file to the buckets. `seen` is told of every part.
     pub(super) fn append_file(
         &mut self,
         file: RecordFile<R>,
-        seen: impl Fn(usize) -> Result<()>,
+        seen: impl Fn(usize) -> Result<()> + Sync,
         bucket_of: impl Fn(&R) -> usize + Sync,
         convert: impl Fn(usize, &R) -> R + Sync,
     ) -> Result<()> {
-        let part_records = part_records::<R>(self.memory_bytes) as u64;
-        let mut scanner = file.scan()?;
+        let (buckets, part_records) = (self.writers.len(), self.part_records());
+        let scanner = Mutex::new(file.scan()?);
         drop(file);
         let next = || {
-            let count = scanner.left().min(part_records) as usize;
-            let mut part = vec![R::new_zeroed(); count];
-            scanner.read_into(&mut part)?;
-            seen(count)?;
-            Ok((count > 0).then_some((0, part)))
+            let mut scanner = scanner.lock().expect(WHOLE);
+            let (stretch, count) = scanner.claim(part_records as u64);
+            Ok((count > 0).then_some((stretch, count as usize)))
         };
-        self.append_parts(next, bucket_of, convert)
+        let work = |(mut stretch, count): (Stretch, usize), under_way: &mut UnderWay<R>| {
+            seen(count)?;
+            let UnderWay { source, sum, part, .. } = under_way;
+            source.resize(count, R::new_zeroed());
+            *sum = Sum::default();
+            stretch.read(source, sum)?;
+            part.fill(source, buckets, &bucket_of, &convert);
+            Ok(())
+        };
+        self.append_parts(next, work, |under_way| {
+            let count = under_way.source.len() as u64;
+            scanner.lock().expect(WHOLE).absorb(count, &under_way.sum)
+        })?;
+        let mut scanner = scanner.into_inner().expect(WHOLE);
+        // An empty file has a checksum, too.
+        scanner.absorb(0, &Sum::default())
     }
 
-    fn append_parts<S, P: AsRef<[S]> + Send>(
+    /// Takes parts from `next`, has them filled by `work`, and adds them to the buckets in order.
+    /// `added` is called in the same order.
+    fn append_parts<I: Send>(
         &mut self,
-        next: impl FnMut() -> Result<Option<(usize, P)>>,
-        bucket_of: impl Fn(&S) -> usize + Sync,
-        convert: impl Fn(usize, &S) -> R + Sync,
+        next: impl FnMut() -> Result<Option<I>> + Send,
+        work: impl Fn(I, &mut UnderWay<R>) -> Result<()> + Sync,
+        added: impl Fn(&UnderWay<R>) -> Result<()> + Sync,
     ) -> Result<()> {
-        let buckets = self.writers.len();
-        let spare = Mutex::new(Vec::<Part<R>>::new());
-        let take_spare = || spare.lock().expect("no thread panics with the list in hand").pop();
-        let work = |(first, source): (usize, P)| {
-            let mut part = take_spare().unwrap_or_default();
-            part.fill(source.as_ref(), buckets, &bucket_of, |at, r| convert(first + at, r));
-            Ok(part)
+        let threads = rayon::current_num_threads();
+        let full_bytes_max = self.memory_bytes as usize / 16 / threads;
+        let steps = Steps {
+            next,
+            work,
+            turn: |under_way: &mut UnderWay<R>| {
+                added(under_way)?;
+                let UnderWay { part, full, .. } = under_way;
+                for (bucket, writer) in self.writers.iter_mut().enumerate() {
+                    writer.extend_deferred(part.bucket(bucket), full)?;
+                }
+                Ok(())
+            },
+            after: |under_way: &mut UnderWay<R>| under_way.full.write(),
         };
-        let width = WAVE_PARTS * rayon::current_num_threads();
-        waves::in_order(width, next, work, |part| {
-            for (bucket, writer) in self.writers.iter_mut().enumerate() {
-                writer.extend(part.bucket(bucket))?;
-            }
-            spare.lock().expect("no thread panics with the list in hand").push(part);
-            Ok(())
-        })
+        in_turns(threads, || UnderWay::new(full_bytes_max), steps)
+    }
+
+    /// Each thread has a part, and the source of it.
+    fn part_records(&self) -> usize {
+        part_records::<R>(self.memory_bytes / 8 / rayon::current_num_threads() as u64)
     }
 
     pub(super) fn finish(self) -> Result<Vec<RecordFile<R>>> {
         self.writers.into_iter().map(RecordWriter::finish).collect()
+    }
+}
+
+const WHOLE: &str = "a panic of one thread ends all";
+
+/// What a thread of a distribution holds.
+struct UnderWay<R> {
+    source: Vec<R>,
+    sum: Sum,
+    part: Part<R>,
+    full: FullBuffers,
+}
+
+impl<R> UnderWay<R> {
+    fn new(full_bytes_max: usize) -> Self {
+        let full = FullBuffers::new(full_bytes_max);
+        Self { source: Vec::new(), sum: Sum::default(), part: Part::default(), full }
     }
 }
 

@@ -16,6 +16,7 @@ mod splitters;
 // In memory.
 mod in_memory;
 mod partition;
+mod turns;
 mod waves;
 
 // On disk: the two engines of `sort`, and the merge under one of them and under `reduce`.

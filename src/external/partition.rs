@@ -11,15 +11,10 @@ const PART_BYTES: usize = 1 << 18;
 /// Largest number of buckets of a part.
 pub(super) const BUCKETS_MAX: usize = 1 << 12;
 
-/// Records of a part where `memory_bytes` are there for everything: at least one.
+/// Records of a part that fits `memory_bytes` with its source: at least one.
 pub(super) fn part_records<R>(memory_bytes: u64) -> usize {
-    // Three waves of parts, and of their sources, exist at a time.
-    let share = memory_bytes / (16 * WAVE_PARTS * rayon::current_num_threads()) as u64;
-    (PART_BYTES.min(share as usize) / size_of::<R>()).max(1)
+    (PART_BYTES.min((memory_bytes / 2) as usize) / size_of::<R>()).max(1)
 }
-
-/// Parts of a wave for each thread.
-pub(super) const WAVE_PARTS: usize = 2;
 
 /// A part of the input, ordered by bucket. Reusable.
 #[derive(Debug)]

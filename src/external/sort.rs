@@ -8,7 +8,7 @@ use super::{
     Keyed,
     distribute::chunk_records,
     in_memory::{sample_slice, scratch_bytes, sort_parallel},
-    sort_distribution::{Distribution, bucket_count, cut_large, emit_sorted},
+    sort_distribution::{Bucket, Distribution, bucket_count, cut_large, emit_sorted, write_sorted},
     sort_merge::Runs,
     splitters::drifts,
 };
@@ -57,9 +57,9 @@ pub fn sort<R: Keyed>(
     workspace: &Workspace,
     monitor: &Monitor<'_>,
 ) -> Result<RecordFile<R>> {
-    let mut writer = RecordWriter::create(workspace, "sorted", Some(input.count()))?;
-    sort_into(input, config, workspace, monitor, |records| writer.extend(records))?;
-    writer.finish()
+    let mut sorter = Sorter::new(config, workspace, monitor);
+    sorter.fill_from(input)?;
+    sorter.finish()
 }
 
 /// Sorts a file as [`sort`] does and passes the records to `sink`, in batches, in order.
@@ -147,8 +147,16 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     /// # Errors
     /// As [`sort`].
     pub fn finish(self) -> Result<RecordFile<R>> {
-        let mut writer = RecordWriter::create(self.workspace, "sorted", Some(self.count))?;
-        self.finish_into(|records| writer.extend(records))?;
+        let Self { config, workspace, monitor, count, .. } = self;
+        let mut writer = RecordWriter::create(workspace, "sorted", Some(count))?;
+        if let Spilled::ToBuckets(distribution) = self.spilled {
+            let buckets = finish_buckets(distribution, self.chunk, &config, workspace, monitor)?;
+            let meter = monitor.meter(config.stage, Some(count));
+            write_sorted(buckets, config.memory_bytes, &meter, &mut writer)?;
+            meter.finish();
+        } else {
+            self.finish_into(|records| writer.extend(records))?;
+        }
         writer.finish()
     }
 
@@ -165,11 +173,8 @@ impl<'a, R: Keyed> Sorter<'a, R> {
                 emit(&chunk, &meter, &mut sink)?;
                 meter.finish();
             }
-            Spilled::ToBuckets(mut distribution) => {
-                distribution.append(&chunk)?;
-                drop(chunk);
-                let buckets = distribution.finish()?;
-                let buckets = cut_large(buckets, &config, workspace, monitor)?;
+            Spilled::ToBuckets(distribution) => {
+                let buckets = finish_buckets(distribution, chunk, &config, workspace, monitor)?;
                 let meter = monitor.meter(config.stage, Some(count));
                 let memory_bytes = config.memory_bytes;
                 emit_sorted(buckets, memory_bytes, |records| emit(records, &meter, &mut sink))?;
@@ -263,6 +268,19 @@ impl<'a, R: Keyed> Sorter<'a, R> {
             )?)
         })
     }
+}
+
+/// Sends the last chunk to the buckets, and cuts those that are too large.
+fn finish_buckets<R: Keyed>(
+    mut distribution: Distribution<R>,
+    chunk: Vec<R>,
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor<'_>,
+) -> Result<Vec<Bucket<R>>> {
+    distribution.append(&chunk)?;
+    drop(chunk);
+    cut_large(distribution.finish()?, config, workspace, monitor)
 }
 
 /// Passes `records` on in batches, so that a large result can be cancelled too.

@@ -11,16 +11,18 @@ use super::{
     in_memory::{Place, sort_to_either},
     sort::Config,
     splitters::Splitters,
+    turns::{Steps, in_turns},
     waves,
 };
 use crate::{
     error::Result,
     progress::{Meter, Monitor},
-    storage::{RecordFile, Workspace},
+    storage::{IO_BLOCK_BYTES, Record, RecordFile, RecordWriter, Stretch, Sum, Workspace},
 };
 
-/// Aimed size of a bucket: a few fit the last-level cache, and the writes are still large.
-const BUCKET_BYTES: u64 = 1 << 22;
+/// Aimed size of a bucket: with its scratch it about fits a second-level cache of 2 MiB. Measured
+/// with 24-byte records: 1.4 MB sort in 20 ns each, 4 MB in 32, 5.8 MB in 35.
+const BUCKET_BYTES: u64 = 3 << 19;
 
 /// Buckets to cut into: enough for small ones if the size of the whole is known, as many as can
 /// be filled well if not.
@@ -90,9 +92,9 @@ impl<R: Keyed> Distribution<R> {
     }
 }
 
-/// Places of a file where a sample looks, and keys it takes at each: 4096 keys, 16 for each of
-/// 256 buckets, keep the largest bucket within about twice the mean.
-const SAMPLE_PLACES: u64 = 256;
+/// Places of a file where a sample looks, and keys it takes at each: 16,384 keys, 16 for each of
+/// 1024 buckets, keep the largest bucket within about twice the mean.
+const SAMPLE_PLACES: u64 = 1024;
 const SAMPLE_KEYS_EACH: u64 = 16;
 
 /// Keys from all over a file.
@@ -146,44 +148,23 @@ pub(super) fn cut_large<R: Keyed>(
     Ok(buckets)
 }
 
-/// A bucket in memory, in order; or one on disk that is in order already.
-enum Sorted<R> {
-    InMemory(Memory<R>, usize),
-    OnDisk(RecordFile<R>),
-}
-
-/// Room for one bucket and for sorting it, used again and again.
-struct Memory<R> {
-    records: Vec<R>,
-    scratch: Vec<R>,
-}
-
 /// Sorts each bucket on some thread and passes the records to `sink` in order.
 pub(super) fn emit_sorted<R: Keyed>(
     buckets: Vec<Bucket<R>>,
     memory_bytes: u64,
     mut sink: impl FnMut(&[R]) -> Result<()>,
 ) -> Result<()> {
-    let in_memory = buckets.iter().filter(|bucket| !bucket.one_key);
-    let largest = in_memory.map(|bucket| bucket.file.count()).max().unwrap_or(0) as usize;
-    let largest_bytes = (largest * size_of::<R>()).max(1) as u64;
-    let width_max = 2 * rayon::current_num_threads() as u64;
-    let width = (bucket_bytes_max(memory_bytes) / largest_bytes).clamp(1, width_max) as usize;
+    let largest = largest_records(&buckets);
+    let width_max = 2 * rayon::current_num_threads();
+    let width = (buckets_at_once::<R>(largest, memory_bytes) / 2).clamp(1, width_max);
     let spare = Mutex::new(Vec::<Memory<R>>::new());
     let take_spare = || spare.lock().expect("no thread panics with the list in hand").pop();
     let work = |bucket: Bucket<R>| {
         if bucket.one_key {
             return Ok(Sorted::OnDisk(bucket.file));
         }
-        let mut memory = take_spare().unwrap_or_else(|| Memory {
-            records: vec![R::new_zeroed(); largest],
-            scratch: vec![R::new_zeroed(); largest],
-        });
-        let count = bucket.file.scan()?.read_into(&mut memory.records)?;
-        let Memory { records, scratch } = &mut memory;
-        if sort_to_either(&mut records[..count], &mut scratch[..count]) == Place::Scratch {
-            std::mem::swap(records, scratch);
-        }
+        let mut memory = take_spare().unwrap_or_else(|| Memory::new(largest));
+        let count = memory.sort(bucket.file)?.len();
         Ok(Sorted::InMemory(memory, count))
     };
     let mut buckets = buckets.into_iter();
@@ -206,4 +187,96 @@ pub(super) fn emit_sorted<R: Keyed>(
             }
         },
     )
+}
+
+/// A bucket in memory, in order; or one on disk that is in order already.
+enum Sorted<R> {
+    InMemory(Memory<R>, usize),
+    OnDisk(RecordFile<R>),
+}
+
+/// Sorts each bucket on some thread, which also writes it to its place.
+pub(super) fn write_sorted<R: Keyed>(
+    buckets: Vec<Bucket<R>>,
+    memory_bytes: u64,
+    meter: &Meter<'_>,
+    writer: &mut RecordWriter<R>,
+) -> Result<()> {
+    let largest = largest_records(&buckets);
+    let width = buckets_at_once::<R>(largest, memory_bytes);
+    let writer = Mutex::new(writer);
+    let writer = || writer.lock().expect("no thread panics with the writer in hand");
+    let mut buckets = buckets.into_iter();
+    let next = || {
+        let Some(bucket) = buckets.next() else { return Ok(None) };
+        let place = writer().promise(bucket.file.count())?;
+        Ok(Some((bucket, place)))
+    };
+    let work = |(bucket, mut place): (Bucket<R>, Stretch), under_way: &mut Writing<R>| {
+        under_way.count = bucket.file.count();
+        under_way.sum = Sum::default();
+        let mut write = |records: &[R]| {
+            meter.add(records.len() as u64)?;
+            place.write(records, &mut under_way.sum)
+        };
+        if bucket.one_key {
+            let mut scanner = bucket.file.scan()?;
+            while let Some(batch) = scanner.next_batch()? {
+                write(batch)?;
+            }
+            return Ok(());
+        }
+        let memory = under_way.memory.get_or_insert_with(|| Memory::new(largest));
+        let batch_records = (IO_BLOCK_BYTES / size_of::<R>()).max(1);
+        memory.sort(bucket.file)?.chunks(batch_records).try_for_each(write)
+    };
+    let turn = |under_way: &mut Writing<R>| {
+        writer().absorb(under_way.count, &under_way.sum);
+        Ok(())
+    };
+    let state = || Writing { memory: None, count: 0, sum: Sum::default() };
+    in_turns(width, state, Steps { next, work, turn, after: |_: &mut Writing<R>| Ok(()) })
+}
+
+/// What a thread holds that writes buckets.
+struct Writing<R> {
+    /// Made for the first bucket that needs sorting.
+    memory: Option<Memory<R>>,
+    count: u64,
+    sum: Sum,
+}
+
+/// Records of the largest bucket that is sorted in memory.
+fn largest_records<R: Record>(buckets: &[Bucket<R>]) -> usize {
+    let in_memory = buckets.iter().filter(|bucket| !bucket.one_key);
+    in_memory.map(|bucket| bucket.file.count()).max().unwrap_or(0) as usize
+}
+
+/// Buckets that may be in memory, each with its scratch.
+fn buckets_at_once<R>(largest: usize, memory_bytes: u64) -> usize {
+    (memory_bytes / 2 / (largest * size_of::<R>()).max(1) as u64).max(1) as usize
+}
+
+/// Room for one bucket and for sorting it, used again and again.
+struct Memory<R> {
+    records: Vec<R>,
+    scratch: Vec<R>,
+}
+
+impl<R: Keyed> Memory<R> {
+    fn new(largest: usize) -> Self {
+        let room = || vec![R::new_zeroed(); largest];
+        Self { records: room(), scratch: room() }
+    }
+
+    /// Reads a bucket, removes it, and leaves it at the front of the records, in order.
+    fn sort(&mut self, file: RecordFile<R>) -> Result<&[R]> {
+        let count = file.scan()?.read_into(&mut self.records)?;
+        drop(file);
+        let Self { records, scratch } = self;
+        if sort_to_either(&mut records[..count], &mut scratch[..count]) == Place::Scratch {
+            std::mem::swap(records, scratch);
+        }
+        Ok(&self.records[..count])
+    }
 }

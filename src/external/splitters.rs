@@ -10,10 +10,20 @@ use super::SortKey;
 pub(super) struct Splitters<K> {
     /// Strictly ascending. Bucket `i` holds the keys from bound `i - 1` up to but not bound `i`.
     bounds: Vec<K>,
-    /// The bounds, and copies of the largest key after them, as a search tree: node `i` has the
-    /// children `2 i` and `2 i + 1`, node 0 is not used. It is searched without branches.
-    tree: Vec<K>,
+    /// For each range of the keys between the first bound and the last, cut evenly: the bounds
+    /// below it.
+    below: Vec<u16>,
+    /// Width of those ranges, as a power of two.
+    shift: u32,
+    /// Steps of a search, without branches, among the bounds of the range that has the most:
+    /// one or two where keys are spread evenly, as many as in all bounds where they are crowded.
+    steps: u32,
+    /// The bounds, and the largest key after them as often as a search may look there.
+    padded: Vec<K>,
 }
+
+/// Ranges that keys are looked up in, for each bound: most of them have no bound inside.
+const RANGES_PER_BOUND: usize = 8;
 
 impl<K: SortKey> Splitters<K> {
     /// Bounds for about `buckets` buckets (at most two more). Whatever the sample, a set of
@@ -39,9 +49,28 @@ impl<K: SortKey> Splitters<K> {
         }
         close_heavy(&mut bounds, heavy);
         debug_assert!(bounds.is_sorted_by(|a, b| a < b), "bounds ascend");
-        let mut tree = vec![K::MAX; (bounds.len() + 1).next_power_of_two()];
-        plant(&mut tree, 1, &mut bounds.iter().copied());
-        Self { bounds, tree }
+        Self::of_bounds(bounds)
+    }
+
+    fn of_bounds(bounds: Vec<K>) -> Self {
+        let (first, last) = (bounds[0], bounds[bounds.len() - 1]);
+        let bits = last.bits_above(first);
+        let shift = bits.saturating_sub((bounds.len() * RANGES_PER_BOUND).ilog2());
+        let mut inside = vec![0_u16; last.digit_above(first, shift) + 1];
+        assert!(u16::try_from(bounds.len()).is_ok(), "too many buckets");
+        for bound in &bounds {
+            inside[bound.digit_above(first, shift)] += 1;
+        }
+        let most = inside.iter().copied().max().unwrap_or(0);
+        let steps = u16::BITS - most.leading_zeros();
+        let mut below = inside;
+        let mut sum = 0;
+        for count in &mut below {
+            sum += std::mem::replace(count, sum);
+        }
+        let mut padded = bounds.clone();
+        padded.resize(bounds.len() + (1 << steps), K::MAX);
+        Self { bounds, below, shift, steps, padded }
     }
 
     /// Number of buckets.
@@ -52,12 +81,16 @@ impl<K: SortKey> Splitters<K> {
     /// The bucket of `key`. Larger keys never have smaller buckets.
     #[inline]
     pub(super) fn bucket(&self, key: K) -> usize {
-        let mut node = 1;
-        for _ in 0..self.tree.len().ilog2() {
-            node = 2 * node + usize::from(self.tree[node] <= key);
+        let (first, last) = (self.bounds[0], self.bounds[self.bounds.len() - 1]);
+        let range = key.clamp(first, last).digit_above(first, self.shift);
+        let mut bucket = usize::from(self.below[range]);
+        for step in (0..self.steps).rev() {
+            // Bounds beyond this range are larger than the key, too.
+            let half = 1 << step;
+            bucket += half * usize::from(self.padded[bucket + half - 1] <= key);
         }
         // The largest key passes the copies of itself too.
-        (node - self.tree.len()).min(self.bounds.len())
+        bucket.min(self.bounds.len())
     }
 
     /// Whether all records of a bucket have the same key.
@@ -67,17 +100,6 @@ impl<K: SortKey> Splitters<K> {
             Some(end) => first.successor() == Some(*end),
             None => first == K::MAX,
         }
-    }
-}
-
-/// Puts ascending bounds into a search tree, in the order of a walk through it.
-fn plant<K>(tree: &mut [K], node: usize, bounds: &mut impl Iterator<Item = K>) {
-    if node < tree.len() {
-        plant(tree, 2 * node, bounds);
-        if let Some(bound) = bounds.next() {
-            tree[node] = bound;
-        }
-        plant(tree, 2 * node + 1, bounds);
     }
 }
 

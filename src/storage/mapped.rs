@@ -29,8 +29,8 @@ pub struct MappedRecords<R> {
 impl<R: Record> MappedRecords<R> {
     pub(super) fn open(source: RecordFile<R>) -> Result<Self> {
         let path = source.path();
-        let mut file = File::options().read(true).open(path).at("open", path)?;
-        read_header(&mut file, &source)?;
+        let file = File::options().read(true).open(path).at("open", path)?;
+        read_header(&file, &source)?;
         // SAFETY: the file was finished before its `RecordFile` existed, nothing in this crate
         // writes to a finished file, and the workspace is a private folder of this process that
         // its lock keeps other runs out of; so the mapped bytes do not change or shrink.

@@ -6,6 +6,7 @@ mod mapped;
 mod output;
 mod record;
 mod scanner;
+mod stretch;
 mod workspace;
 mod writer;
 
@@ -14,6 +15,7 @@ pub use mapped::MappedRecords;
 pub use output::{OutputFile, Overwrite, check_output, is_stream, open_input};
 pub use record::{Record, RecordFile};
 pub use scanner::RecordScanner;
+pub use stretch::{FullBuffers, Stretch, Sum};
 pub use workspace::{ForeignFolder, Workspace, available_disk_bytes, open_files_max};
 pub use writer::RecordWriter;
 

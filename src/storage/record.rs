@@ -100,6 +100,14 @@ pub(super) struct OwnedFile {
     pub(super) disk: Arc<DiskUse>,
 }
 
+impl OwnedFile {
+    /// Counts bytes that were written, or are about to be.
+    pub(super) fn grow(&mut self, bytes: u64) {
+        self.bytes += bytes;
+        self.disk.take(bytes);
+    }
+}
+
 impl Drop for OwnedFile {
     fn drop(&mut self) {
         // The workspace removes what cannot be removed here.

@@ -1,42 +1,42 @@
 //! Reads a record file front to back, in blocks, without mapping it.
 
-use std::{
-    fs::File,
-    io::{Read as _, Seek as _, SeekFrom},
-};
+use std::{fs::File, os::unix::fs::FileExt as _, sync::Arc};
 
-use zerocopy::{FromBytes as _, IntoBytes as _};
+use zerocopy::FromBytes as _;
 
 use super::{
-    IO_BLOCK_BYTES, Record, RecordFile,
+    IO_BLOCK_BYTES, Record, RecordFile, Stretch, Sum,
     record::{HEADER_BYTES, Header, file_bytes},
+    stretch::NamedFile,
 };
 use crate::error::{Error, IoContext as _, Result};
 
 /// A sequential read under way. Checks the file's checksum when it has seen all of it.
 pub struct RecordScanner<R> {
-    file: File,
+    file: Arc<NamedFile>,
     source: RecordFile<R>,
     batch: Vec<R>,
-    /// Records not yet read.
+    /// Where the next record is, in bytes.
+    offset: u64,
+    /// Records not yet read, nor claimed.
     left: u64,
+    /// Records claimed whose checksum has not come back.
+    claimed: u64,
     /// The checksum so far and the one to meet, when the whole file is read.
-    checksum: Option<(crc32fast::Hasher, u32)>,
+    checksum: Option<(Sum, u32)>,
 }
 
 impl<R: Record> RecordScanner<R> {
     pub(super) fn open(source: RecordFile<R>, first: u64, count: u64) -> Result<Self> {
         assert!(first + count <= source.count, "range lies outside the file");
         let path = source.path();
-        let mut file = File::options().read(true).open(path).at("open", path)?;
-        let header = read_header::<R>(&mut file, &source)?;
-        if first > 0 {
-            let offset = HEADER_BYTES as u64 + first * size_of::<R>() as u64;
-            file.seek(SeekFrom::Start(offset)).at("seek in", path)?;
-        }
+        let file = File::options().read(true).open(path).at("open", path)?;
+        let header = read_header::<R>(&file, &source)?;
+        let offset = HEADER_BYTES as u64 + first * size_of::<R>() as u64;
         let whole = count == source.count;
-        let checksum = whole.then(|| (crc32fast::Hasher::new(), header.checksum));
-        Ok(Self { file, source, batch: Vec::new(), left: count, checksum })
+        let checksum = whole.then(|| (Sum::default(), header.checksum));
+        let file = Arc::new(NamedFile { file, path: path.to_owned() });
+        Ok(Self { file, source, batch: Vec::new(), offset, left: count, claimed: 0, checksum })
     }
 
     /// The next records, `None` after the last.
@@ -67,18 +67,40 @@ impl<R: Record> RecordScanner<R> {
     /// # Errors
     /// As [`Self::next_batch`].
     pub fn read_into(&mut self, records: &mut [R]) -> Result<usize> {
-        let count = self.left.min(records.len() as u64) as usize;
-        for block in records[..count].as_mut_bytes().chunks_mut(IO_BLOCK_BYTES) {
-            self.file.read_exact(block).at("read", self.source.path())?;
-            if let Some((hasher, _)) = &mut self.checksum {
-                hasher.update(block);
-            }
+        let count = self.left.min(records.len() as u64);
+        let (mut stretch, _) = self.claim(count);
+        let records = &mut records[..count as usize];
+        match &mut self.checksum {
+            Some((sum, _)) => stretch.read(records, sum)?,
+            None => stretch.read(records, &mut Sum::default())?,
         }
-        self.left -= count as u64;
-        if self.left == 0 {
-            self.check()?;
+        self.absorb(count, &Sum::default())?;
+        Ok(count as usize)
+    }
+
+    /// Hands the next `count` records, or as many as are left, to be read on any thread. The
+    /// checksum goes to [`Self::absorb`].
+    pub fn claim(&mut self, count: u64) -> (Stretch, u64) {
+        let count = self.left.min(count);
+        let bytes = count * size_of::<R>() as u64;
+        let stretch = Stretch::new(&self.file, self.offset, bytes);
+        self.offset += bytes;
+        self.left -= count;
+        self.claimed += count;
+        (stretch, count)
+    }
+
+    /// Takes the checksums of claimed records, in their order.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] when this was the last of the whole file, and it is not what was
+    /// written.
+    pub fn absorb(&mut self, count: u64, sum: &Sum) -> Result<()> {
+        self.claimed -= count;
+        if let Some((whole, _)) = &mut self.checksum {
+            whole.0.combine(&sum.0);
         }
-        Ok(count)
+        if self.left + self.claimed == 0 { self.check() } else { Ok(()) }
     }
 
     /// Records not yet returned.
@@ -88,8 +110,8 @@ impl<R: Record> RecordScanner<R> {
     }
 
     fn check(&mut self) -> Result<()> {
-        if let Some((hasher, expected)) = self.checksum.take()
-            && hasher.finalize() != expected
+        if let Some((sum, expected)) = self.checksum.take()
+            && sum.0.finalize() != expected
         {
             let what = "the contents do not match their checksum";
             return Err(Error::Damaged { path: self.source.path().to_owned(), what });
@@ -99,7 +121,7 @@ impl<R: Record> RecordScanner<R> {
 }
 
 /// Reads and checks the header of `source`.
-pub(super) fn read_header<R: Record>(file: &mut File, source: &RecordFile<R>) -> Result<Header> {
+pub(super) fn read_header<R: Record>(file: &File, source: &RecordFile<R>) -> Result<Header> {
     let path = source.path();
     let length = file_bytes(file, path)?;
     if length < HEADER_BYTES as u64 {
@@ -107,7 +129,7 @@ pub(super) fn read_header<R: Record>(file: &mut File, source: &RecordFile<R>) ->
         return Err(Error::Damaged { path: path.to_owned(), what });
     }
     let mut bytes = [0; HEADER_BYTES];
-    file.read_exact(&mut bytes).at("read", path)?;
+    file.read_exact_at(&mut bytes, 0).at("read", path)?;
     let header = Header::read_from_bytes(&bytes).expect("the buffer has the header's size");
     header.check::<R>(path, length)?;
     if header.count != source.count {

@@ -170,8 +170,8 @@ pub fn open_files_max() -> usize {
     (limit / 4).clamp(8, OPEN_FILES_MAX as u64) as usize
 }
 
-/// A quarter of 1024, the limit most systems set: more buckets do not make a step faster.
-const OPEN_FILES_MAX: usize = 256;
+/// More buckets hardly make a step faster: 1.5 GB in as many pieces fit the processor's cache.
+const OPEN_FILES_MAX: usize = 1024;
 
 /// Bytes an unprivileged process may still write to the file system of `path`.
 ///

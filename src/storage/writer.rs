@@ -1,26 +1,29 @@
 //! Writes a record file, front to back.
 
-use std::{fs::File, io::Write as _, marker::PhantomData, os::unix::fs::FileExt as _, sync::Arc};
+use std::{fs::File, marker::PhantomData, os::unix::fs::FileExt as _, sync::Arc};
 
 use rustix::fs::{FallocateFlags, fallocate};
 use zerocopy::IntoBytes as _;
 
 use super::{
-    IO_BLOCK_BYTES, Record, RecordFile, Workspace,
+    FullBuffers, IO_BLOCK_BYTES, Record, RecordFile, Stretch, Sum, Workspace,
     record::{HEADER_BYTES, Header, OwnedFile},
+    stretch::NamedFile,
 };
 use crate::error::{IoContext as _, Result};
 
 /// Appends records to a new file of the workspace. The file counts as finished, and may be read,
 /// only after [`Self::finish`]; dropped before that, it is removed.
 pub struct RecordWriter<R> {
-    file: File,
-    /// Grows `bytes` as it is written to.
+    file: Arc<NamedFile>,
+    /// Grows `bytes` as it is written to, or promised to be.
     owned: OwnedFile,
     buffer: Vec<u8>,
     /// The buffer is written out when it holds this many bytes.
     buffer_bytes: usize,
     checksum: crc32fast::Hasher,
+    /// Bytes of stretches whose checksums have not come back.
+    promised_bytes: u64,
     count: u64,
     marker: PhantomData<R>,
 }
@@ -54,15 +57,18 @@ impl<R: Record> RecordWriter<R> {
             .open(&path)
             .at("create", &path)?;
         let disk = workspace.disk();
+        let file = Arc::new(NamedFile { file, path: path.clone() });
         let owned = OwnedFile { path, bytes: 0, disk };
         if let Some(bytes) = count_expected.and_then(|n| n.checked_mul(size_of::<R>() as u64)) {
-            allocate(&file, bytes + HEADER_BYTES as u64).at("allocate", &owned.path)?;
+            allocate(&file.file, bytes + HEADER_BYTES as u64).at("allocate", &owned.path)?;
         }
         let buffer_bytes = buffer_bytes.clamp(HEADER_BYTES, IO_BLOCK_BYTES);
         let mut buffer = Vec::with_capacity(buffer_bytes + size_of::<R>());
         buffer.resize(HEADER_BYTES, 0);
         let checksum = crc32fast::Hasher::new();
-        Ok(Self { file, owned, buffer, buffer_bytes, checksum, count: 0, marker: PhantomData })
+        let (promised_bytes, count) = (0, 0);
+        let marker = PhantomData;
+        Ok(Self { file, owned, buffer, buffer_bytes, checksum, promised_bytes, count, marker })
     }
 
     /// Appends one record.
@@ -103,6 +109,50 @@ impl<R: Record> RecordWriter<R> {
         Ok(())
     }
 
+    /// Appends records in order, as [`Self::extend`] does, but leaves the writing of full buffers
+    /// to whoever owns `full`: so that this call is short, and can be made in turn by threads that
+    /// then write at the same time.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn extend_deferred(&mut self, records: &[R], full: &mut FullBuffers) -> Result<()> {
+        let mut bytes = records.as_bytes();
+        self.count += records.len() as u64;
+        loop {
+            let room = self.buffer_bytes.saturating_sub(self.buffer.len());
+            let (now, later) = bytes.split_at(room.min(bytes.len()));
+            self.buffer.extend_from_slice(now);
+            bytes = later;
+            if bytes.is_empty() {
+                return Ok(());
+            }
+            let stretch = self.count_buffer();
+            self.buffer = full.exchange(stretch, std::mem::take(&mut self.buffer))?;
+        }
+    }
+
+    /// Promises that the next `count` records will be written to the stretch returned, on any
+    /// thread. Its checksum goes to [`Self::absorb`].
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn promise(&mut self, count: u64) -> Result<Stretch> {
+        self.flush()?;
+        let bytes = count * size_of::<R>() as u64;
+        let stretch = Stretch::new(&self.file, self.owned.bytes, bytes);
+        self.owned.grow(bytes);
+        self.promised_bytes += bytes;
+        self.count += count;
+        Ok(stretch)
+    }
+
+    /// Takes the checksums of promised stretches, in their order, when they have been written and
+    /// before anything is appended behind them.
+    pub fn absorb(&mut self, count: u64, sum: &Sum) {
+        self.promised_bytes -= count * size_of::<R>() as u64;
+        self.checksum.combine(&sum.0);
+    }
+
     /// Records appended so far.
     #[must_use]
     pub fn count(&self) -> u64 {
@@ -115,32 +165,41 @@ impl<R: Record> RecordWriter<R> {
     /// As [`Self::push`].
     pub fn finish(mut self) -> Result<RecordFile<R>> {
         self.flush()?;
+        assert_eq!(self.promised_bytes, 0, "a stretch was not written");
         let header = Header::of::<R>(self.count, self.checksum.finalize());
-        self.file.write_all_at(header.as_bytes(), 0).at("write", &self.owned.path)?;
+        let file = &self.file.file;
+        file.write_all_at(header.as_bytes(), 0).at("write", &self.owned.path)?;
         // Gives back what was allocated and not needed.
-        self.file.set_len(self.owned.bytes).at("truncate", &self.owned.path)?;
+        file.set_len(self.owned.bytes).at("truncate", &self.owned.path)?;
         header.check::<R>(&self.owned.path, self.owned.bytes)?;
         Ok(RecordFile { file: Arc::new(self.owned), count: self.count, marker: PhantomData })
     }
 
     fn flush(&mut self) -> Result<()> {
+        let mut stretch = self.count_buffer();
+        stretch.write_bytes(&self.buffer)?;
+        self.buffer.clear();
+        Ok(())
+    }
+
+    /// Counts the buffer as written, and says where it goes.
+    fn count_buffer(&mut self) -> Stretch {
         // The place of the header passes through the buffer once, outside the checksum.
         let skip = if self.owned.bytes == 0 { HEADER_BYTES } else { 0 };
         self.checksum.update(&self.buffer[skip..]);
-        self.file.write_all(&self.buffer).at("write", &self.owned.path)?;
-        self.owned.bytes += self.buffer.len() as u64;
-        self.owned.disk.take(self.buffer.len() as u64);
-        self.buffer.clear();
-        Ok(())
+        let bytes = self.buffer.len() as u64;
+        let stretch = Stretch::new(&self.file, self.owned.bytes, bytes);
+        self.owned.grow(bytes);
+        stretch
     }
 
     /// Writes record bytes past the empty buffer.
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         debug_assert!(self.buffer.is_empty() && self.owned.bytes > 0, "the header goes first");
+        debug_assert!(self.promised_bytes == 0, "checksums come in order");
         self.checksum.update(bytes);
-        self.file.write_all(bytes).at("write", &self.owned.path)?;
-        self.owned.bytes += bytes.len() as u64;
-        self.owned.disk.take(bytes.len() as u64);
+        Stretch::new(&self.file, self.owned.bytes, bytes.len() as u64).write_bytes(bytes)?;
+        self.owned.grow(bytes.len() as u64);
         Ok(())
     }
 }
