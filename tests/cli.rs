@@ -226,6 +226,7 @@ fn help_names_every_flag_of_the_contract() {
     for (command, flags) in [
         ("simplify", [&running[..], &convert, &simplify].concat()),
         ("soup", [&running[..], &convert].concat()),
+        ("sort", [&running[..], &convert, &["--axis"]].concat()),
         ("weld", [&running[..], &convert].concat()),
         ("generate", [&running[..], &generate].concat()),
     ] {
@@ -236,7 +237,7 @@ fn help_names_every_flag_of_the_contract() {
     }
     let help = String::from_utf8(folder.done("--help")).unwrap();
     assert!(
-        ["simplify", "soup", "weld", "generate", "Exit codes"]
+        ["simplify", "soup", "sort", "weld", "generate", "Exit codes"]
             .iter()
             .all(|word| help.contains(word))
     );

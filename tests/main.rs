@@ -21,6 +21,8 @@ mod oracles;
 #[cfg(test)]
 mod prefixes;
 #[cfg(test)]
+mod sort;
+#[cfg(test)]
 mod tidy;
 #[cfg(test)]
 mod torture;

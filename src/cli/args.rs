@@ -23,6 +23,7 @@ Examples:
   meshmill simplify scan.ply -o small.ply --ratio 1% --memory 4GiB
   meshmill simplify scan.stl -o small.ply -t 500k
   meshmill soup scan.ply -o scan.stl
+  meshmill sort scan.stl -o sorted.soup --memory 4GiB
   meshmill weld scan.stl -o scan.ply
   meshmill info scan.ply --json
   meshmill generate gyroid --triangles 10M -o test.ply
@@ -36,6 +37,8 @@ pub(super) enum Command {
     Simplify(Simplify),
     /// Indexed mesh to triangle soup (.stl or .soup), triangle order kept
     Soup(Convert),
+    /// Any mesh to triangle soup (.stl or .soup) sorted along an axis
+    Sort(Sort),
     /// Soup to indexed mesh (.ply or .obj): equal positions become one vertex
     Weld(Convert),
     /// Counts, bounds, order and defects, in one pass
@@ -121,6 +124,39 @@ pub(super) struct Convert {
 
     #[command(flatten)]
     pub(super) run: Run,
+}
+
+/// Any mesh to triangle soup (.stl or .soup) sorted along an axis.
+///
+/// A sorted soup can be worked on as a stream: once it has swept past a vertex, no later triangle
+/// uses that vertex, so a program needs to hold only the front of the sweep. Triangles are ordered
+/// by their smallest vertex: by its coordinate along the axis, then by the two others. The same
+/// triangles give the same file, whatever order they came in.
+///
+/// What fits in --memory is sorted there. Of larger inputs, those that are nearly in order (as most
+/// programs write them, see `meshmill info`) are put in order in passing; only the others are sorted
+/// on disk, in --temp-dir. --dry-run says what that could take.
+#[derive(Debug, Args)]
+pub(super) struct Sort {
+    #[command(flatten)]
+    pub(super) convert: Convert,
+
+    /// The axis to sort along: the longest side of the bounding box, or one by name. For standard
+    /// input name one: the longest side is known only at its end, so it would be set aside on disk
+    #[arg(long, value_enum, default_value_t = Axis::Longest)]
+    pub(super) axis: Axis,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Axis {
+    /// That of the longest side of the bounding box
+    Longest,
+    /// The first coordinate
+    X,
+    /// The second coordinate
+    Y,
+    /// The third coordinate
+    Z,
 }
 
 #[derive(Debug, Args)]

@@ -26,7 +26,7 @@ use meshmill::{
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::{
-    args::{Convert, Generate, Kind, Machine, Run, Simplify},
+    args::{Convert, Generate, Kind, Machine, Run, Simplify, Sort},
     display::{Display, Volume},
     figures, host,
     job::{self, Destination, Host},
@@ -98,6 +98,14 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> ExitCode {
     })
 }
 
+/// `meshmill sort`.
+pub(super) fn sort(args: &Sort, host: &Host) -> ExitCode {
+    in_session(&args.convert.run.machine, |session| {
+        run_job(job::sort(args, host)?, &args.convert, session)?;
+        Ok(outcome::DONE)
+    })
+}
+
 /// Plans and runs a job; `None` after a dry run.
 fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>> {
     let to_stdout = job.target == Target::Stdout;
@@ -145,6 +153,9 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
     }
     if !report.dropped.is_empty() {
         session.display.say(&format!("not carried: {}", report.dropped.join(", ")));
+    }
+    if let Some(sort) = &report.sort {
+        session.display.say(&figures::order(sort));
     }
     if report.reached_target == Some(false) {
         session.display.say("the wanted count was not met within 25 %: no grid comes nearer");

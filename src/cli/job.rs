@@ -7,12 +7,14 @@ use meshmill::{
     formats::{self, Compression, Format},
     geometry,
     pipeline::{self, Job, Task},
-    soup::InputPath,
+    soup::{InputPath, SweepAxis},
     stages::convert::export::Target,
     storage::Overwrite,
 };
 
-use super::args::{Convert, Goal, Info, Inputs, Machine, OnDefect, Output, Placement, Simplify};
+use super::args::{
+    Axis, Convert, Goal, Info, Inputs, Machine, OnDefect, Output, Placement, Simplify, Sort,
+};
 
 /// What the machine offers.
 #[derive(Clone, Debug)]
@@ -44,6 +46,17 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
     let goal = goal(&args.goal);
     let simplify = pipeline::Simplify { goal, boundary_weight: args.boundary_weight, placement };
     convert(&args.convert, Task::Simplify(simplify), host)
+}
+
+/// The job of `sort`.
+pub(super) fn sort(args: &Sort, host: &Host) -> Result<Job> {
+    let axis = match args.axis {
+        Axis::Longest => None,
+        Axis::X => Some(SweepAxis::X),
+        Axis::Y => Some(SweepAxis::Y),
+        Axis::Z => Some(SweepAxis::Z),
+    };
+    convert(&args.convert, Task::Sort(pipeline::Sort { axis }), host)
 }
 
 fn goal(args: &Goal) -> pipeline::Goal {
@@ -163,6 +176,7 @@ mod tests {
         match Cli::try_parse_from(words).expect("the line parses").command {
             Command::Simplify(args) => simplify(&args, &host()),
             Command::Soup(args) => convert(&args, Task::Soup, &host()),
+            Command::Sort(args) => sort(&args, &host()),
             other => panic!("{other:?} is no job"),
         }
     }
@@ -187,6 +201,18 @@ mod tests {
         assert_eq!(goal("simplify a -o b.ply -t 100k"), pipeline::Goal::Triangles(100_000));
         assert_eq!(goal("simplify a -o b.ply --cells 64"), pipeline::Goal::Cells(64));
         assert_eq!(goal("simplify a -o b.ply --cell-size .5"), pipeline::Goal::CellSize(0.5));
+    }
+
+    #[test]
+    fn every_axis_is_understood() {
+        let axis = |line: &str| match job(line).unwrap().task {
+            Task::Sort(sort) => sort.axis,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(axis("sort a -o b.stl"), None);
+        assert_eq!(axis("sort a -o b.stl --axis longest"), None);
+        assert_eq!(axis("sort a -o b.stl --axis x"), Some(SweepAxis::X));
+        assert_eq!(axis("sort a -o b.soup --axis z"), Some(SweepAxis::Z));
     }
 
     #[test]

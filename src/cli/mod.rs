@@ -28,6 +28,7 @@ pub(crate) fn main() -> ExitCode {
     match &command {
         Command::Simplify(args) => commands::simplify(args, &host),
         Command::Soup(args) => commands::convert(args, meshmill::pipeline::Task::Soup, &host),
+        Command::Sort(args) => commands::sort(args, &host),
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),
         Command::Info(args) => info::info(args, &host),
         Command::Generate(args) => commands::generate(args, &host),

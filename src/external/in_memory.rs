@@ -109,7 +109,7 @@ const SAMPLE_KEYS: usize = 1 << 12;
 
 /// Sorts `records` stably on all threads of the current pool. Takes as much memory again, and two
 /// bytes a record; nothing when they are in order already.
-pub fn sort_parallel<R: Keyed>(records: &mut [R]) {
+pub(super) fn sort_parallel<R: Keyed>(records: &mut [R]) {
     if records.is_sorted_by_key(R::key) {
         return;
     }

@@ -8,6 +8,7 @@ pub mod distribute;
 pub mod join;
 pub mod reduce;
 pub mod sort;
+pub mod waves;
 
 // How records compare.
 mod keys;
@@ -17,7 +18,6 @@ mod splitters;
 mod in_memory;
 mod partition;
 mod turns;
-mod waves;
 
 // On disk: the two engines of `sort`, and the merge under one of them and under `reduce`.
 mod join_place;
@@ -29,5 +29,4 @@ mod sort_merge;
 #[cfg(test)]
 mod testing;
 
-pub use in_memory::sort_parallel;
 pub use keys::{Keyed, SortKey};

@@ -142,6 +142,12 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         self.count
     }
 
+    /// Whether what was added did not fit in memory.
+    #[must_use]
+    pub fn is_on_disk(&self) -> bool {
+        !matches!(self.spilled, Spilled::Nothing)
+    }
+
     /// Sorts what was added and writes it to a file.
     ///
     /// # Errors

@@ -8,7 +8,10 @@ use crate::error::Result;
 /// Fetches items with `next` until it gives `None`, turns `width` of them at a time into results
 /// on the current pool, and passes the results to `emit` in order. The first failure, in order
 /// of the items, ends it.
-pub(super) fn in_order<I: Send, O: Send>(
+///
+/// # Errors
+/// What `next`, `work` and `emit` return.
+pub fn in_order<I: Send, O: Send>(
     width: usize,
     mut next: impl FnMut() -> Result<Option<I>>,
     work: impl Fn(I) -> Result<O> + Sync,

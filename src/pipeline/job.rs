@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::{
     formats::{Compression, Format, OnDefect},
     geometry::Placement,
-    soup::InputPath,
+    soup::{InputPath, SweepAxis},
     stages::convert::export::Target,
 };
 
@@ -41,8 +41,18 @@ pub enum Task {
     Simplify(Simplify),
     /// Indexed mesh to triangle soup, order kept.
     Soup,
+    /// Any mesh to a soup sorted along an axis.
+    Sort(Sort),
     /// Soup to indexed mesh.
     Weld,
+}
+
+/// How to sort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sort {
+    /// Along which axis; along the longest side of the bounding box when `None`, the first of
+    /// equals.
+    pub axis: Option<SweepAxis>,
 }
 
 /// How to simplify (by clustering, the one method there is).

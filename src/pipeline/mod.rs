@@ -6,11 +6,13 @@ mod job;
 mod plan;
 mod report;
 mod run;
+mod sort;
 
 pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
-pub use job::{Goal, Job, Simplify, Task};
+pub use job::{Goal, Job, Simplify, Sort, Task};
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use report::{
-    BoundsReport, ClusterReport, DefectReport, InputReport, OutputReport, Report, StageReport,
+    BoundsReport, ClusterReport, DefectReport, InputReport, OutputReport, Report, SortReport,
+    StageReport,
 };
 pub use run::{Prepared, prepare};

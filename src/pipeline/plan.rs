@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use super::{Goal, Job, Task};
+use super::{Goal, Job, Task, sort};
 use crate::{
     error::{Error, Result},
     formats::{Compression, Declared, Format},
     progress::StageId,
-    soup::{ColoredPoint, InputPath, Point, Triangle},
+    soup::{ColoredPoint, InputPath, OpenInput, Point, Triangle},
     stages::convert::export::Target,
 };
 
@@ -22,6 +22,19 @@ pub struct InputFacts {
     pub size_bytes: Option<u64>,
     /// It can be read again.
     pub repeatable: bool,
+}
+
+impl InputFacts {
+    /// What is known of an open input.
+    #[must_use]
+    pub fn of(open: &OpenInput) -> Self {
+        Self {
+            path: open.input.path.clone(),
+            declared: open.reader.declared().clone(),
+            size_bytes: open.size_bytes,
+            repeatable: open.input.is_repeatable(),
+        }
+    }
 }
 
 /// The stages of a job and what they need.
@@ -58,6 +71,8 @@ pub(super) const MEMORY_BYTES_CONSTANT: u64 = 64 << 20;
 pub(super) const MEMORY_BYTES_MIN: u64 = 1 << 20;
 /// Share of the budget a vertex table may take when clustering needs memory beside it.
 const TABLE_SHARE_CLUSTER: f64 = 0.6;
+/// The same when triangles are sorted beside it.
+const TABLE_SHARE_SORT: f64 = 0.5;
 /// The same when nothing else does.
 const TABLE_SHARE_CONVERT: f64 = 0.9;
 /// Bytes a cell and its two triangles take in the tables of clustering.
@@ -75,9 +90,16 @@ const CORNER_BYTES: u64 = 8;
 
 /// Sizes of the records of a job.
 #[derive(Clone, Copy)]
-struct Sizes {
-    vertex: u64,
-    triangle: u64,
+pub(super) struct Sizes {
+    pub(super) vertex: u64,
+    pub(super) triangle: u64,
+}
+
+impl Sizes {
+    /// Whether vertices have a colour.
+    pub(super) fn is_colored(self) -> bool {
+        self.vertex > size_of::<Point>() as u64
+    }
 }
 
 impl Job {
@@ -85,6 +107,7 @@ impl Job {
     pub(super) fn table_share(&self) -> f64 {
         match self.task {
             Task::Simplify(_) => TABLE_SHARE_CLUSTER,
+            Task::Sort(_) => TABLE_SHARE_SORT,
             Task::Soup | Task::Weld => TABLE_SHARE_CONVERT,
         }
     }
@@ -122,6 +145,7 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
     }
     match &job.task {
         Task::Simplify(simplify) => plan_clustering(job, simplify.goal, sizes, &mut plan),
+        Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
         Task::Soup => {}
     }
@@ -143,7 +167,9 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
     let refused = match job.task {
         _ if job.output_format == Format::Off => "off can be read but not written".to_owned(),
-        Task::Soup if indexed => format!("{format} is indexed; a soup is written as stl or soup"),
+        Task::Soup | Task::Sort(_) if indexed => {
+            format!("{format} is indexed; a soup is written as stl or soup")
+        }
         Task::Weld if !indexed => format!("{format} has no indices; weld writes ply or obj"),
         _ => return Ok(()),
     };
@@ -165,7 +191,7 @@ fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
 }
 
 /// An input, in words.
-fn name(path: &InputPath) -> String {
+pub(super) fn name(path: &InputPath) -> String {
     match path {
         InputPath::Stdin => "standard input".to_owned(),
         InputPath::File(_) => path.to_string(),
@@ -173,6 +199,7 @@ fn name(path: &InputPath) -> String {
 }
 
 fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
+    let is_needed_twice = matches!(job.task, Task::Simplify(_));
     let path = name(&facts.path);
     let lines = facts.size_bytes.map(|bytes| bytes / LINE_BYTES_MIN);
     let table_bytes = facts.declared.vertices.or(lines).map(|count| count * sizes.vertex);
@@ -184,7 +211,7 @@ fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
         plan.add_temporary(table_bytes);
         what += ", or on disk if they outgrow their share of it";
     }
-    let needed_twice = matches!(job.task, Task::Simplify(_)) && !facts.repeatable;
+    let needed_twice = is_needed_twice && !facts.repeatable;
     if !facts.declared.vertices_first || needed_twice {
         let faces = facts.declared.faces.or(lines);
         plan.add_temporary(faces.map(|count| count * 3 * CORNER_BYTES));
@@ -237,7 +264,7 @@ fn plan_export(job: &Job, plan: &mut Plan) {
         Target::File(path, _) => path.display().to_string(),
         Target::Stdout => "standard output".to_owned(),
     };
-    if job.task == Task::Soup {
+    if matches!(job.task, Task::Soup | Task::Sort(_)) {
         let bytes = if job.output_format == Format::Stl { 50 } else { 36 };
         plan.output_bytes = plan.records.map(|count| count * bytes);
         let streamed = job.target == Target::Stdout || job.compression != Compression::None;
@@ -251,12 +278,12 @@ fn plan_export(job: &Job, plan: &mut Plan) {
 }
 
 impl Plan {
-    fn stage(&mut self, stage: StageId, what: String) {
+    pub(super) fn stage(&mut self, stage: StageId, what: String) {
         self.stages.push(PlannedStage { stage, what });
     }
 
     /// Adds temporary files; the sum is unknown as soon as a part is.
-    fn add_temporary(&mut self, bytes: Option<u64>) {
+    pub(super) fn add_temporary(&mut self, bytes: Option<u64>) {
         self.temporary_bytes = self.temporary_bytes.zip(bytes).map(|(total, more)| total + more);
     }
 }

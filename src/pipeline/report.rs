@@ -18,6 +18,8 @@ pub struct Report {
     pub stopped_by: Option<&'static str>,
     /// Clustering: what it worked with.
     pub cluster: Option<ClusterReport>,
+    /// Sorting: what it worked with.
+    pub sort: Option<SortReport>,
     /// Largest resident set of the process.
     pub peak_memory_bytes: u64,
     /// Largest total of temporary files.
@@ -78,6 +80,17 @@ pub struct ClusterReport {
     pub spills: u64,
     /// Times the input was clustered to meet the count.
     pub attempts: u32,
+}
+
+/// How sorting went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SortReport {
+    /// `x`, `y` or `z`.
+    pub axis: &'static str,
+    /// How many triangles the worst one came late, where that was measured.
+    pub displacement_max: Option<u64>,
+    /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
+    pub on_disk: bool,
 }
 
 /// One stage.

@@ -42,13 +42,7 @@ pub fn prepare(job: Job) -> Result<Prepared> {
         Input { path: path.clone(), format, on_defect, origin: Origin::undecided() }.open()
     };
     let inputs = job.inputs.iter().map(open).collect::<Result<Vec<_>>>()?;
-    let facts = |open: &OpenInput| InputFacts {
-        path: open.input.path.clone(),
-        declared: open.reader.declared().clone(),
-        size_bytes: open.size_bytes,
-        repeatable: open.input.is_repeatable(),
-    };
-    let plan = plan(&job, &inputs.iter().map(facts).collect::<Vec<_>>())?;
+    let plan = plan(&job, &inputs.iter().map(InputFacts::of).collect::<Vec<_>>())?;
     check_disk(&job, &plan)?;
     Ok(Prepared { job, inputs, plan })
 }
@@ -96,7 +90,13 @@ impl Prepared {
     pub fn run(self, monitor: &Monitor) -> Result<Report> {
         let started = Instant::now();
         let mut report = self.with_room(monitor, |run, inputs| {
-            let report = if run.colored {
+            // Colours that the output cannot hold would decide ties, and the order of what it holds
+            // would depend on what it does not.
+            let is_colored = match run.job.task {
+                Task::Sort(_) => run.colored && run.job.output_format != Format::Stl,
+                _ => run.colored,
+            };
+            let report = if is_colored {
                 run.task::<ColoredPoint>(inputs)
             } else {
                 run.task::<Point>(inputs)
@@ -143,6 +143,7 @@ impl Run<'_> {
         match &self.job.task {
             Task::Simplify(simplify) => self.simplify::<V>(inputs, simplify),
             Task::Soup => self.soup::<V>(inputs),
+            Task::Sort(sort) => self.sort::<V>(inputs, *sort),
             Task::Weld => self.weld::<V>(inputs),
         }
     }
@@ -164,7 +165,7 @@ impl Run<'_> {
         let config = self.export_config::<V>(survey.origin);
         let written = export::export_soup(&source, &config, self.workspace, self.monitor)?;
         let mut report = report_input(&survey, written.counts.triangles);
-        self.report_output::<V>(&written, &written.findings, &mut report);
+        self.report_output(&written, &written.findings, &mut report);
         Ok(report)
     }
 
@@ -208,11 +209,11 @@ impl Run<'_> {
     ) -> Result<()> {
         let config = self.export_config::<V>(survey.origin);
         let written = export::export_mesh(mesh, &config, self.workspace, self.monitor)?;
-        self.report_output::<V>(&written, findings, report);
+        self.report_output(&written, findings, report);
         Ok(())
     }
 
-    fn export_config<V: Vertex>(&self, origin: [f64; 3]) -> export::Config {
+    pub(super) fn export_config<V: Vertex>(&self, origin: [f64; 3]) -> export::Config {
         let far = origin != [0.0; 3];
         let precision = if self.double || far { Precision::Double } else { Precision::Single };
         export::Config {
@@ -223,7 +224,7 @@ impl Run<'_> {
         }
     }
 
-    fn report_output<V: Vertex>(
+    pub(super) fn report_output(
         &self,
         written: &export::Outcome,
         findings: &Findings,
@@ -236,14 +237,14 @@ impl Run<'_> {
             bytes: written.size_bytes,
         };
         let mut findings = findings.clone();
-        if V::COLORED && self.job.output_format == Format::Stl {
+        if self.colored && self.job.output_format == Format::Stl {
             findings.drop_attribute("vertex colours (stl has none)");
         }
         report.add_findings(&findings);
     }
 }
 
-fn report_input(survey: &Survey, triangles: u64) -> Report {
+pub(super) fn report_input(survey: &Survey, triangles: u64) -> Report {
     let input = InputReport {
         triangles,
         vertices: (survey.vertices > 0).then_some(survey.vertices),

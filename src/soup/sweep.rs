@@ -70,6 +70,13 @@ impl SweepPlace {
         Self::of_front(axis.to_front(position))
     }
 
+    /// As an integer of the same order, below 2⁹⁶.
+    #[must_use]
+    #[inline]
+    pub fn bits(self) -> u128 {
+        self.0
+    }
+
     /// As [`Self::of`], of coordinates that [`SweepAxis::to_front`] has ordered.
     #[must_use]
     #[inline]

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use write::{export_batches, export_mesh, export_soup};
+pub use write::{export_batches, export_mesh, export_soup, export_triangles};
 
 use crate::{
     error::{Error, Result},

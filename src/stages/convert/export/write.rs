@@ -114,6 +114,52 @@ pub fn export_soup<V: Vertex>(
     Ok(Outcome { counts: Counts { vertices: 0, triangles }, size_bytes, findings: pass.finish() })
 }
 
+/// Writes triangles as `produce` sends them, as a soup; a thread of its own does the writing.
+/// `expected` is how many there will be, about.
+///
+/// # Errors
+/// What `produce` fails with, [`Error::NothingLeft`], [`Error::FormatLimit`], [`Error::Io`].
+pub fn export_triangles<V: Vertex, T>(
+    expected: Option<u64>,
+    config: &Config,
+    workspace: &Workspace,
+    produce: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<T>,
+) -> Result<(T, Outcome)> {
+    // As for `export_soup`: only a header that can be mended may begin with a guess.
+    let expected = expected.filter(|_| config.is_seekable());
+    let expected = expected.map(|triangles| Counts { vertices: 0, triangles });
+    let mut output = Output::create(config, expected, workspace)?;
+    let (full_sender, full) = mpsc::sync_channel::<Batch>(QUEUE_BATCHES);
+    let (empty_sender, empty) = mpsc::channel::<Batch>();
+    let mut triangles = 0;
+    let (produced, output) = std::thread::scope(|scope| {
+        let writer = scope.spawn(move || -> Result<Output> {
+            for batch in full {
+                output.write(&batch)?;
+                // The producer may have ended.
+                let _ = empty_sender.send(batch);
+            }
+            Ok(output)
+        });
+        let produced = produce(&mut |soup| {
+            let mut batch = empty.try_recv().unwrap_or_default();
+            soup_batch(soup, &mut batch);
+            triangles += soup.len() as u64;
+            // A writer that has failed says why when it is joined.
+            full_sender.send(batch).map_err(|_| nothing_left(config))
+        });
+        drop(full_sender);
+        let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        written.and_then(|output| Ok((produced?, output)))
+    })?;
+    if triangles == 0 {
+        return Err(nothing_left(config));
+    }
+    let size_bytes = output.finish(config)?;
+    let counts = Counts { vertices: 0, triangles };
+    Ok((produced, Outcome { counts, size_bytes, findings: Findings::default() }))
+}
+
 /// Writes batches as `produce` sends them, for results that are not made of a source.
 /// `counts`, when known, are for the header.
 ///

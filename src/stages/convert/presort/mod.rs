@@ -4,6 +4,7 @@
 //! passes, within a window in memory; any other is sorted, on disk where it does not fit. What is
 //! sorted is the soup: an indexed mesh is dereferenced as it is read.
 
+mod batch;
 mod record;
 #[cfg(test)]
 mod tests;
@@ -11,10 +12,7 @@ mod window;
 
 use crate::{
     error::Result,
-    external::{
-        sort::{self, Engine, Sorter},
-        sort_parallel,
-    },
+    external::sort::{self, Engine, Sorter},
     formats::Findings,
     geometry::{Bounds, MAXIMA_DEFAULT},
     progress::{Monitor, StageId},
@@ -24,6 +22,7 @@ use crate::{
     storage::Workspace,
 };
 
+use batch::Batch;
 use record::SweepRecord;
 use window::Window;
 
@@ -61,18 +60,22 @@ pub struct Outcome {
     pub displacement_max: Option<u64>,
     /// Triangles that waited in the window at most; 0 when there was none.
     pub held_max: u64,
+    /// Triangles did not fit in memory and were sorted on disk.
+    pub on_disk: bool,
     /// What the pass over the source found.
     pub findings: Findings,
 }
 
-/// Copies of a triangle while a window is sorted: waiting, ready, and the scratch of the sort.
-const WINDOW_COPIES: u64 = 3;
-
 /// Bytes of memory that absorbing takes, ties apart.
 #[must_use]
 pub fn window_bytes<V: Vertex>(displacement_max: u64) -> u64 {
-    window::triangles_max(displacement_max)
-        .saturating_mul(WINDOW_COPIES * size_of::<SweepRecord<V>>() as u64)
+    window::triangles_max(displacement_max).saturating_mul(waiting_bytes::<V>())
+}
+
+/// Bytes of a triangle that waits: itself, and a share of a batch that has partly gone.
+fn waiting_bytes<V: Vertex>() -> u64 {
+    let record_bytes = size_of::<SweepRecord<V>>() as u64;
+    record_bytes + record_bytes / 4
 }
 
 /// Bytes of memory in which so many triangles are sorted without the disk.
@@ -118,43 +121,41 @@ pub fn presort<V: Vertex>(
         Method::Absorb { displacement_max } => {
             let mut stream = Stream {
                 window: Window::new(config.axis, displacement_max),
-                held_max: held_max::<V>(config),
-                ready: Vec::new(),
+                held_max: (config.memory_bytes / waiting_bytes::<V>()) as usize,
                 overflow: None,
             };
-            let findings = pass(source, config.axis, monitor, |records| {
-                stream.take(records, &sorter, &mut sink)
-            })?;
+            let fill = |taken: &Taken<'_, V>, batch: &mut Batch<V>| {
+                batch.fill(taken.triangles, config.axis);
+            };
+            let findings =
+                pass(source, monitor, fill, |batch| stream.take(batch, &sorter, &mut sink))?;
             stream.finish(findings, &mut sink)?
         }
         Method::Sort => {
             let mut sorter = sorter();
-            let findings = pass(source, config.axis, monitor, |records| sorter.push(records))?;
+            let convert = |taken: &Taken<'_, V>, records: &mut Vec<SweepRecord<V>>| {
+                records.clear();
+                let all = taken.triangles.iter();
+                records.extend(all.map(|triangle| SweepRecord::new(triangle, config.axis)));
+            };
+            let findings = pass(source, monitor, convert, |records| sorter.push(records))?;
+            let on_disk = sorter.is_on_disk();
             sorter.finish_into(|records| sink.pass_on(records))?;
-            Outcome { triangles: 0, displacement_max: None, held_max: 0, findings }
+            Outcome { triangles: 0, displacement_max: None, held_max: 0, on_disk, findings }
         }
     };
     Ok(Outcome { triangles: sink.triangles, ..outcome })
 }
 
-/// Triangles that a window may hold.
-fn held_max<V: Vertex>(config: &Config) -> usize {
-    (config.memory_bytes / (WINDOW_COPIES * size_of::<SweepRecord<V>>() as u64)) as usize
-}
-
-/// Passes over the source: records are made on all threads and handed to `take` in order.
-fn pass<V: Vertex>(
+/// Passes over the source: `make` works on all threads, what it made is handed to `take` in order.
+fn pass<V: Vertex, T: Default + Send>(
     source: &Source<V>,
-    axis: SweepAxis,
     monitor: &Monitor,
-    mut take: impl FnMut(&[SweepRecord<V>]) -> Result<()>,
+    make: impl Fn(&Taken<'_, V>, &mut T) + Sync,
+    take: impl FnMut(&mut T) -> Result<()>,
 ) -> Result<Findings> {
     let meter = monitor.meter(StageId::Sort, source.records());
-    let convert = |taken: &Taken<'_, V>, records: &mut Vec<SweepRecord<V>>| {
-        records.clear();
-        records.extend(taken.triangles.iter().map(|triangle| SweepRecord::new(triangle, axis)));
-    };
-    let findings = for_each_in_order(source, &meter, convert, |records| take(records))?;
+    let findings = for_each_in_order(source, &meter, make, take)?;
     meter.finish();
     Ok(findings)
 }
@@ -187,8 +188,6 @@ struct Stream<'a, V: Vertex> {
     window: Window<V>,
     /// Above so many, what waits goes to the sorter.
     held_max: usize,
-    /// Room for those that can go.
-    ready: Vec<SweepRecord<V>>,
     /// Sorts what waits and all the rest, once the window is too small.
     overflow: Option<Sorter<'a, SweepRecord<V>>>,
 }
@@ -196,22 +195,18 @@ struct Stream<'a, V: Vertex> {
 impl<'a, V: Vertex> Stream<'a, V> {
     fn take(
         &mut self,
-        records: &[SweepRecord<V>],
+        batch: &mut Batch<V>,
         sorter: &impl Fn() -> Sorter<'a, SweepRecord<V>>,
         sink: &mut Sink<V, impl FnMut(&[Triangle<V>]) -> Result<()>>,
     ) -> Result<()> {
-        self.window.check(records)?;
+        self.window.check(&batch.least)?;
         if let Some(overflow) = &mut self.overflow {
-            return overflow.push(records);
+            return overflow.push(&batch.records);
         }
-        self.window.take(records, &mut self.ready);
-        sink.pass_on(&self.ready)?;
-        self.ready.clear();
+        self.window.take(batch, |records| sink.pass_on(records))?;
         if self.window.held() > self.held_max {
-            let mut sorter = sorter();
-            sorter.push(&self.window.give_up())?;
-            self.ready = Vec::new();
-            self.overflow = Some(sorter);
+            let sorter = self.overflow.insert(sorter());
+            self.window.give_up(|records| sorter.push(records))?;
         }
         Ok(())
     }
@@ -221,16 +216,15 @@ impl<'a, V: Vertex> Stream<'a, V> {
         findings: Findings,
         sink: &mut Sink<V, impl FnMut(&[Triangle<V>]) -> Result<()>>,
     ) -> Result<Outcome> {
-        let (held_max, found) = (self.window.held_max, self.window.displacement_found());
+        let (held_max, found) = (self.window.held_max as u64, self.window.displacement_found());
         let displacement_max = self.overflow.is_none().then_some(found);
+        let on_disk = self.overflow.as_ref().is_some_and(Sorter::is_on_disk);
         if let Some(overflow) = self.overflow {
             overflow.finish_into(|records| sink.pass_on(records))?;
         } else {
-            let mut rest = self.window.give_up();
-            sort_parallel(&mut rest);
-            sink.pass_on(&rest)?;
+            self.window.finish(|records| sink.pass_on(records))?;
         }
-        Ok(Outcome { triangles: 0, displacement_max, held_max, findings })
+        Ok(Outcome { triangles: 0, displacement_max, held_max, on_disk, findings })
     }
 }
 

@@ -19,6 +19,12 @@ pub(super) struct SweepRecord<V> {
     tie_break: u32,
 }
 
+/// The corners from each of them on: looked up, because which one is the smallest is chance, and
+/// a branch on it would be mispredicted.
+const TURNS: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
+/// The corners back again.
+const TURNS_BACK: [[usize; 3]; 4] = [TURNS[0], TURNS[2], TURNS[1], TURNS[0]];
+
 impl<V: Vertex> Record for SweepRecord<V> {
     const KIND: [u8; 4] = *b"SWP ";
 }
@@ -37,14 +43,17 @@ impl<V: Vertex> SweepRecord<V> {
     #[inline]
     pub(super) fn new(triangle: &Triangle<V>, axis: SweepAxis) -> Self {
         let (smallest, _) = smallest_corner(triangle, axis);
+        Self::turned(triangle, smallest, axis)
+    }
+
+    /// The record of a triangle whose smallest corner is known.
+    #[inline]
+    pub(super) fn turned(triangle: &Triangle<V>, smallest: usize, axis: SweepAxis) -> Self {
         let tie_break = tie_break(triangle, smallest);
-        let [a, b, c] =
-            triangle.0.map(|vertex| V::new(axis.to_front(vertex.position()), vertex.color()));
-        let corners = match smallest {
-            0 => [a, b, c],
-            1 => [b, c, a],
-            _ => [c, a, b],
-        };
+        let corners = TURNS[smallest].map(|corner| {
+            let vertex = triangle.0[corner];
+            V::new(axis.to_front(vertex.position()), vertex.color())
+        });
         Self { corners, tie_break }
     }
 
@@ -52,13 +61,17 @@ impl<V: Vertex> SweepRecord<V> {
     #[inline]
     pub(super) fn triangle(&self, axis: SweepAxis) -> Triangle<V> {
         let Self { corners, tie_break } = *self;
-        let [a, b, c] =
-            corners.map(|vertex| V::new(axis.from_front(vertex.position()), vertex.color()));
-        Triangle(match tie_break & 3 {
-            0 => [a, b, c],
-            1 => [c, a, b],
-            _ => [b, c, a],
-        })
+        let turn = TURNS_BACK[(tie_break & 3) as usize];
+        Triangle(turn.map(|corner| {
+            let vertex = corners[corner];
+            V::new(axis.from_front(vertex.position()), vertex.color())
+        }))
+    }
+
+    /// What tells it from others with the same smallest corner.
+    #[inline]
+    pub(super) fn tie_break(&self) -> u32 {
+        self.tie_break
     }
 
     /// The least coordinate along the sweep axis.
