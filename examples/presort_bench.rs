@@ -40,7 +40,7 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
     let order = presort::measure_order(source, &monitor)?;
     println!("late by at most {order:?} along x, y, z");
     let memory_bytes = workspace.budget().limit_bytes();
-    let (axis, displacement_max) = (SweepAxis::Z, order[2]);
+    let (axis, displacement_max) = (SweepAxis::Z, order.displacement_max[2]);
     let sort = |method| -> Result<u64> {
         let config = Config { axis, method, memory_bytes };
         Ok(presort::presort(source, &config, workspace, &monitor, |_| Ok(()))?.triangles)
@@ -60,7 +60,7 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
     };
     let absorb = || sort(Method::Absorb { displacement_max });
     let sorted = || sort(Method::Sort);
-    let order = || presort::measure_order(source, &monitor).map(|order| order[2]);
+    let order = || presort::measure_order(source, &monitor).map(|order| order.displacement_max[2]);
     let ways: [(&str, &dyn Fn() -> Result<u64>); 4] =
         [("read", &read), ("measure", &order), ("absorb", &absorb), ("sort", &sorted)];
     let mut seconds = [const { Vec::new() }; 4];

@@ -17,6 +17,9 @@ pub mod storage;
 pub mod external;
 pub mod soup;
 
+// Meshes in core, made to be decimated.
+pub mod mesh;
+
 // The steps of a job, each with a `Config`, an `Outcome` and one verb.
 pub mod stages;
 

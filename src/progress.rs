@@ -30,6 +30,10 @@ pub enum StageId {
     Cluster,
     /// Cell representatives and the triangles between them.
     Assemble,
+    /// Edges collapsed, slab by slab.
+    Decimate,
+    /// The exact count, and where the vertices lie best.
+    Finish,
     /// The result written in the user's format.
     Export,
     /// A synthetic surface made.
@@ -51,6 +55,8 @@ impl StageId {
             Self::Estimate => "estimate",
             Self::Cluster => "cluster",
             Self::Assemble => "assemble",
+            Self::Decimate => "decimate",
+            Self::Finish => "finish",
             Self::Export => "export",
             Self::Generate => "generate",
             Self::Info => "info",

@@ -11,6 +11,8 @@ mod command;
 #[cfg(test)]
 mod convert;
 #[cfg(test)]
+mod decimate;
+#[cfg(test)]
 mod golden;
 #[cfg(test)]
 mod info;

@@ -55,8 +55,8 @@ pub(super) struct Simplify {
     #[command(flatten)]
     pub(super) goal: Goal,
 
-    /// How: `cluster` merges the vertices of each cell of a grid
-    #[arg(long, value_enum, default_value_t = Method::Cluster)]
+    /// How; see each below
+    #[arg(long, value_enum, default_value_t = Method::Auto)]
     pub(super) method: Method,
 
     /// Clustering: weight of edges against faces in placing a vertex, 0 to 1; 0 lets boundaries
@@ -96,7 +96,11 @@ pub(super) struct Goal {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Method {
-    /// Vertex clustering with quadrics
+    /// Clustering where the goal is given in cells, stream otherwise
+    Auto,
+    /// Edge collapses: exact counts, the best fidelity, topology kept
+    Stream,
+    /// Vertex clustering: fastest, in the least memory, counts within 25 %
     Cluster,
 }
 

@@ -13,7 +13,7 @@ use meshmill::{
 };
 
 use super::args::{
-    Axis, Convert, Goal, Info, Inputs, Machine, OnDefect, Output, Placement, Simplify, Sort,
+    Axis, Convert, Goal, Info, Inputs, Machine, Method, OnDefect, Output, Placement, Simplify, Sort,
 };
 
 /// What the machine offers.
@@ -43,8 +43,13 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         Placement::Clamped => geometry::Placement::Clamped,
         Placement::Free => geometry::Placement::Free,
     };
-    let goal = goal(&args.goal);
-    let simplify = pipeline::Simplify { goal, boundary_weight: args.boundary_weight, placement };
+    let method = match args.method {
+        Method::Auto => pipeline::Method::Auto,
+        Method::Stream => pipeline::Method::Stream,
+        Method::Cluster => pipeline::Method::Cluster,
+    };
+    let (goal, boundary_weight) = (goal(&args.goal), args.boundary_weight);
+    let simplify = pipeline::Simplify { goal, method, boundary_weight, placement };
     convert(&args.convert, Task::Simplify(simplify), host)
 }
 

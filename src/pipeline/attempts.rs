@@ -136,7 +136,7 @@ impl Run<'_> {
     /// The cells to use and the count expected of them.
     fn grid(&self, survey: &Survey, goal: Goal, cells: Option<f64>) -> Result<(Grid, Option<u64>)> {
         let bounds = &survey.bounds;
-        let (grid, estimated) = match (cells, wanted(goal, survey.triangles())) {
+        let (grid, estimated) = match (cells, goal.triangles_wanted(survey.triangles())) {
             (Some(cells), _) => {
                 (Grid::with_cell_size(bounds, bounds.size().max_element() / cells), None)
             }
@@ -185,22 +185,13 @@ impl Run<'_> {
             spills: clustered.spills,
             attempts: 1,
         };
-        let wanted = wanted(simplify.goal, triangles_in);
+        let wanted = simplify.goal.triangles_wanted(triangles_in);
         let mesh = clustered.mesh;
         // As long as it is held, there is less for another attempt.
         let held = self.workspace.budget().reserve(mesh.memory_bytes());
         let clustered =
             Clustered { mesh, survey, findings, triangles_in, wanted, report, _held: held };
         Ok((clustered, kept))
-    }
-}
-
-/// The count that `goal` asks for, of `triangles`.
-fn wanted(goal: Goal, triangles: u64) -> Option<u64> {
-    match goal {
-        Goal::Triangles(count) => Some(count),
-        Goal::Ratio(ratio) => Some((triangles as f64 * ratio).round() as u64),
-        Goal::Cells(_) | Goal::CellSize(_) => None,
     }
 }
 

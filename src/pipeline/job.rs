@@ -55,15 +55,52 @@ pub struct Sort {
     pub axis: Option<SweepAxis>,
 }
 
-/// How to simplify (by clustering, the one method there is).
+/// How to simplify.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simplify {
     /// How far.
     pub goal: Goal,
-    /// Share of edge quadrics, 0 to 1.
+    /// By what.
+    pub method: Method,
+    /// Clustering: share of edge quadrics, 0 to 1.
     pub boundary_weight: f64,
-    /// Where representatives may lie in their cells.
+    /// Clustering: where representatives may lie in their cells.
     pub placement: Placement,
+}
+
+/// How triangles become fewer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Clustering for a goal in cells, otherwise decimation.
+    Auto,
+    /// Edge collapses on the sorted stream: exact counts, the best fidelity, topology kept.
+    Stream,
+    /// One vertex for each cell of a grid.
+    Cluster,
+}
+
+impl Simplify {
+    /// Whether this is done by clustering.
+    #[must_use]
+    pub fn is_clustering(&self) -> bool {
+        match self.method {
+            Method::Auto => matches!(self.goal, Goal::Cells(_) | Goal::CellSize(_)),
+            Method::Stream => false,
+            Method::Cluster => true,
+        }
+    }
+}
+
+impl Goal {
+    /// Triangles wanted of so many; `None` for goals in cells.
+    #[must_use]
+    pub fn triangles_wanted(self, triangles: u64) -> Option<u64> {
+        match self {
+            Self::Triangles(count) => Some(count),
+            Self::Ratio(ratio) => Some((triangles as f64 * ratio).round() as u64),
+            Self::Cells(_) | Self::CellSize(_) => None,
+        }
+    }
 }
 
 /// How far to simplify.

@@ -1,6 +1,7 @@
 //! From a job to a finished output: what will be done, and the doing; and what a mesh is like.
 
 mod attempts;
+mod decimation;
 mod info;
 mod job;
 mod plan;
@@ -9,10 +10,10 @@ mod run;
 mod sort;
 
 pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
-pub use job::{Goal, Job, Simplify, Sort, Task};
+pub use job::{Goal, Job, Method, Simplify, Sort, Task};
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use report::{
-    BoundsReport, ClusterReport, DefectReport, InputReport, OutputReport, Report, SortReport,
-    StageReport,
+    BoundsReport, ClusterReport, DecimateReport, DefectReport, InputReport, OutputReport, Report,
+    SortReport, StageReport,
 };
 pub use run::{Prepared, prepare};

@@ -8,7 +8,7 @@ use crate::{
     formats::{Compression, Declared, Format},
     progress::StageId,
     soup::{ColoredPoint, InputPath, OpenInput, Point, Triangle},
-    stages::convert::export::Target,
+    stages::convert::{export::Target, presort},
 };
 
 /// What is known of an input before it is read.
@@ -144,7 +144,10 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         }
     }
     match &job.task {
-        Task::Simplify(simplify) => plan_clustering(job, simplify.goal, sizes, &mut plan),
+        Task::Simplify(simplify) if simplify.is_clustering() => {
+            plan_clustering(job, simplify.goal, sizes, &mut plan);
+        }
+        Task::Simplify(simplify) => plan_decimation(simplify.goal, sizes, &mut plan),
         Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
         Task::Soup => {}
@@ -162,6 +165,12 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     let streams = job.inputs.iter().filter(|path| **path == InputPath::Stdin).count();
     if streams > 0 && job.inputs.len() > 1 {
         return Err(Error::Request("standard input must be the only input".to_owned()));
+    }
+    if let Task::Simplify(simplify) = &job.task
+        && simplify.goal.triangles_wanted(0).is_none()
+        && !simplify.is_clustering()
+    {
+        return Err(Error::Request("cells are a goal for clustering only".to_owned()));
     }
     let format = job.output_format.name();
     let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
@@ -248,6 +257,21 @@ fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
         plan.add_temporary(cells.map(|cells| cells * SPILL_BYTES_PER_CELL));
         plan.notes.push("sums that outgrow the memory are spilled to disk and merged".to_owned());
     }
+    plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
+}
+
+fn plan_decimation(goal: Goal, sizes: Sizes, plan: &mut Plan) {
+    let wanted = plan.records.and_then(|count| goal.triangles_wanted(count));
+    if plan.vertices.is_some_and(|count| count > 0) {
+        plan.stage(StageId::Measure, "measure how far the triangles are from sorted".to_owned());
+    }
+    plan.stage(StageId::Sort, "put the triangles in the order of a sweep".to_owned());
+    plan.stage(StageId::Decimate, "collapse edges, slab by slab".to_owned());
+    plan.stage(StageId::Finish, "join the slabs, meet the count, place the vertices".to_owned());
+    let colored = sizes.vertex > size_of::<Point>() as u64;
+    let disk_bytes = presort::disk_bytes_per_triangle(colored);
+    plan.add_temporary(plan.records.map(|count| count * disk_bytes));
+    plan.notes.push("triangles that are nearly sorted are not sorted on disk".to_owned());
     plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
 }
 

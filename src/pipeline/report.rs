@@ -13,13 +13,16 @@ pub struct Report {
     pub output: OutputReport,
     /// Whether a wanted count was met within the method's tolerance; `None` without one.
     pub reached_target: Option<bool>,
-    /// What ended the simplification: `target`, `cells`, or `resolution` when no grid comes
-    /// nearer to the target.
+    /// What ended the simplification: `target`, `cells`, `resolution` when no grid comes
+    /// nearer to the target, or `topology` when no collapse is left that keeps the surface what it
+    /// is.
     pub stopped_by: Option<&'static str>,
     /// Clustering: what it worked with.
     pub cluster: Option<ClusterReport>,
     /// Sorting: what it worked with.
     pub sort: Option<SortReport>,
+    /// Decimation: what it worked with.
+    pub decimate: Option<DecimateReport>,
     /// Largest resident set of the process.
     pub peak_memory_bytes: u64,
     /// Largest total of temporary files.
@@ -91,6 +94,23 @@ pub struct SortReport {
     pub displacement_max: Option<u64>,
     /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
     pub on_disk: bool,
+}
+
+/// How decimation went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DecimateReport {
+    /// The sweep axis.
+    pub axis: &'static str,
+    /// How many triangles the worst one was late along that axis.
+    pub displacement_max: u64,
+    /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
+    pub sorted_on_disk: bool,
+    /// Slabs the stream was cut into.
+    pub slabs: u64,
+    /// Triangles left out because two of their corners were one point.
+    pub degenerate: u64,
+    /// Vertices left alone because their faces are no fan.
+    pub complex_vertices: u64,
 }
 
 /// One stage.

@@ -3,8 +3,9 @@
 use std::{path::Path, time::Instant};
 
 use super::{
-    BoundsReport, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
+    BoundsReport, Goal, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
     attempts::Clustered,
+    decimation::Decimated,
     plan::{check_request, plan},
 };
 use crate::{
@@ -179,6 +180,34 @@ impl Run<'_> {
     }
 
     fn simplify<V: Vertex>(&self, inputs: Vec<OpenInput>, simplify: &Simplify) -> Result<Report> {
+        if simplify.is_clustering() {
+            self.simplify_by_clustering::<V>(inputs, simplify)
+        } else {
+            self.simplify_by_decimation::<V>(inputs, simplify.goal)
+        }
+    }
+
+    fn simplify_by_decimation<V: Vertex>(
+        &self,
+        inputs: Vec<OpenInput>,
+        goal: Goal,
+    ) -> Result<Report> {
+        let wanted = |triangles| goal.triangles_wanted(triangles).unwrap_or(triangles);
+        let decimated = self.decimate_to_goal::<V>(inputs, wanted)?;
+        let mut report = report_input(&decimated.survey, decimated.triangles_in);
+        report.reached_target = Some(decimated.is_met());
+        report.stopped_by = Some(if decimated.is_met() { "target" } else { "topology" });
+        report.decimate = Some(decimated.report);
+        let Decimated { outcome, survey, findings, .. } = decimated;
+        self.export_mesh(&outcome.mesh, &survey, &findings, &mut report)?;
+        Ok(report)
+    }
+
+    fn simplify_by_clustering<V: Vertex>(
+        &self,
+        inputs: Vec<OpenInput>,
+        simplify: &Simplify,
+    ) -> Result<Report> {
         let clustered = self.cluster_to_goal::<V>(inputs, simplify)?;
         if clustered.mesh.counts().triangles == 0 && clustered.triangles_in > 0 {
             let text = format!(

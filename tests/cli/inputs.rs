@@ -11,7 +11,8 @@ const JOBS: &[&str] = &[
     "soup IN -o out.stl",
     "weld IN -o out.ply",
     "simplify IN -o out.ply --cells 9",
-    "simplify IN -o out.ply -t 50 --memory 1MiB",
+    "simplify IN -o out.ply -t 50 --memory 1MiB --method cluster",
+    "simplify IN -o out.ply -t 50 --memory 64MiB",
     "soup IN -o out.soup.gz --memory 1MiB",
 ];
 

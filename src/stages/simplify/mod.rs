@@ -1,3 +1,4 @@
-//! Fewer triangles: clustering.
+//! Fewer triangles: clustering, and decimation by edge collapses.
 
 pub mod cluster;
+pub mod decimate;

@@ -228,22 +228,34 @@ impl<'a, V: Vertex> Stream<'a, V> {
     }
 }
 
-/// How far the triangles of `source` are from sorted: along each axis, how many triangles the
-/// worst one is late by its least coordinate, see [`OrderMeter::displacement_max`]. One pass, on
-/// all threads, in constant memory.
+/// How the triangles of a source are ordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// Along each axis, how many triangles the worst one is late by its least coordinate, see
+    /// [`OrderMeter::displacement_max`].
+    pub displacement_max: [u64; 3],
+    /// Triangles there are.
+    pub triangles: u64,
+}
+
+/// Measures how far the triangles of `source` are from sorted, and counts them. One pass, on all
+/// threads, in constant memory.
 ///
 /// # Errors
 /// What reading the source fails with, cancellation.
-pub fn measure_order<V: Vertex>(source: &Source<V>, monitor: &Monitor) -> Result<[u64; 3]> {
+pub fn measure_order<V: Vertex>(source: &Source<V>, monitor: &Monitor) -> Result<Order> {
     let meter = monitor.meter(StageId::Measure, source.records());
     let mut order = OrderMeter::new(MAXIMA_DEFAULT);
-    let look = |taken: &Taken<'_, V>, (minima, bounds): &mut (Minima, Bounds)| {
+    let look = |taken: &Taken<'_, V>, (minima, bounds, count): &mut (Minima, Bounds, u64)| {
         minima.fill(taken.triangles, bounds);
+        *count = taken.triangles.len() as u64;
     };
-    for_each_in_order(source, &meter, look, |(minima, _)| {
+    let mut triangles = 0;
+    for_each_in_order(source, &meter, look, |(minima, _, count)| {
         order.add(minima);
+        triangles += *count;
         Ok(())
     })?;
     meter.finish();
-    Ok(order.displacement_max())
+    Ok(Order { displacement_max: order.displacement_max(), triangles })
 }

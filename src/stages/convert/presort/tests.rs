@@ -96,7 +96,7 @@ fn sorts_in_every_way<V: Vertex>(triangles: &[Triangle<V>], axis: SweepAxis) {
     expected.sort_by_key(|triangle| SweepKey::of(triangle, axis));
     let workspace = Workspace::for_test();
     let order = measure_order(&source(triangles, &workspace), &Monitor::silent()).unwrap();
-    let displacement_max = order[axis.index()];
+    let displacement_max = order.displacement_max[axis.index()];
     for (threads, memory_bytes) in [(1, 1 << 30), (2, 1 << 30), (1, 1 << 20), (2, 1 << 16)] {
         for method in [Method::Sort, Method::Absorb { displacement_max }] {
             let config = Config { axis, method, memory_bytes };
@@ -171,11 +171,14 @@ fn a_window_holds_no_more_than_its_bytes_and_what_ties() {
         let field = disturbed(height_field::<Point>(2000, 100), distance);
         let workspace = Workspace::for_test();
         let order = measure_order(&source(&field, &workspace), &Monitor::silent()).unwrap();
-        let method = Method::Absorb { displacement_max: order[0] };
+        let method = Method::Absorb { displacement_max: order.displacement_max[0] };
         let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 30 };
         let (_, outcome) = sorted(&field, &config, 2).unwrap();
-        assert_eq!(outcome.displacement_max, Some(order[0]));
-        assert!(outcome.held_max <= window::triangles_max(order[0]) + 200, "{outcome:?}");
+        assert_eq!(outcome.displacement_max, Some(order.displacement_max[0]));
+        assert!(
+            outcome.held_max <= window::triangles_max(order.displacement_max[0]) + 200,
+            "{outcome:?}"
+        );
     }
 }
 

@@ -1,0 +1,123 @@
+//! Brings a mesh to an exact number of faces.
+
+use super::{
+    Limit, State,
+    surface::{Mesh, UNKNOWN},
+    sweep_blocks,
+};
+
+/// What finishing came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// Faces that are left.
+    pub faces: usize,
+    /// Whether no legal collapse is left, at any cost.
+    pub is_stuck: bool,
+}
+
+/// Sweeps stop at this many times the wanted number of faces; the rest goes in order of cost.
+const SWEEP_MARGIN: f64 = 1.06;
+
+/// Largest part of the surplus that one round of sweeps takes away, so that the threshold, which
+/// is extrapolated, is corrected on the way.
+const ROUND_SHARE: f64 = 0.6;
+
+/// Decimates `mesh` to `faces` faces, or one fewer where only two at a time can go.
+pub fn finish(mesh: &mut Mesh, faces: usize) -> Finished {
+    let margin = (faces as f64 * SWEEP_MARGIN) as usize;
+    let mut cost = 0.0_f32;
+    while mesh.faces_left > margin {
+        let before = mesh.faces_left;
+        let surplus = before - faces;
+        let aim = (before - (surplus as f64 * ROUND_SHARE) as usize).max(margin);
+        cost = guess_cost(mesh, aim).max(cost * 1.05).max(f32::MIN_POSITIVE);
+        // One more: the last of an odd number must be chosen with care.
+        let limit = Limit { cost, share: 0.0, faces: faces + 1 };
+        sweep_blocks(mesh, &limit);
+        if mesh.faces_left == before && !cost.is_finite() {
+            break;
+        }
+        if mesh.faces_left == before {
+            cost *= 2.0;
+        }
+    }
+    let is_stuck = !collapse_in_order(mesh, faces);
+    Finished { faces: mesh.faces_left, is_stuck }
+}
+
+/// Vertices looked at to guess a threshold.
+const SAMPLE_VERTICES: usize = 1 << 14;
+
+/// The threshold at which about `aim` faces are left: as many vertices cost less now as must go,
+/// and since each collapse makes its neighbours dearer, only some of those will.
+fn guess_cost(mesh: &mut Mesh, aim: usize) -> f32 {
+    let mut costs = Vec::new();
+    let step = (mesh.spots.len() / SAMPLE_VERTICES).max(1);
+    for vertex in (0..mesh.spots.len() as u32).step_by(step) {
+        if mesh.is_removable(vertex) {
+            costs.push(mesh.known_cost(vertex));
+        }
+    }
+    if costs.is_empty() {
+        return f32::INFINITY;
+    }
+    let share = 1.0 - aim as f64 / mesh.faces_left as f64;
+    let rank = ((costs.len() as f64 * share) as usize).min(costs.len() - 1);
+    let (_, cost, _) = costs.select_nth_unstable_by(rank, f32::total_cmp);
+    *cost
+}
+
+/// Collapses the cheapest vertices until `faces` are left; `false` when none can be collapsed any
+/// more.
+fn collapse_in_order(mesh: &mut Mesh, faces: usize) -> bool {
+    let mut ring = Vec::new();
+    let mut order = Vec::new();
+    while mesh.faces_left > faces {
+        let is_odd = mesh.faces_left == faces + 1;
+        fill_order(mesh, is_odd.then_some(State::BOUNDARY), &mut order);
+        if order.is_empty() && is_odd {
+            // On a closed surface two go at a time.
+            fill_order(mesh, None, &mut order);
+        }
+        if order.is_empty() {
+            return false;
+        }
+        // More than are missing: some will have become dearer by then.
+        let wanted = mesh.faces_left - faces;
+        if wanted < order.len() {
+            order.select_nth_unstable(wanted);
+            order.truncate(wanted);
+        }
+        order.sort_unstable();
+        let limit = order.last().map_or(0.0, |(bits, _)| f32::from_bits(*bits).next_up());
+        for &(bits, vertex) in &order {
+            let cost = f32::from_bits(bits);
+            if mesh.faces_left <= faces || (mesh.faces_left == faces + 1 && !is_odd) {
+                break;
+            }
+            let known = mesh.costs[vertex as usize];
+            if mesh.rings.count(vertex) == 0 || (known != UNKNOWN && known > cost) {
+                continue;
+            }
+            if let Some(best) = mesh.best_collapse(vertex, limit, &mut ring) {
+                mesh.collapse(vertex, best.kept, &ring);
+            }
+        }
+    }
+    true
+}
+
+/// Lists the vertices that can be removed behind the bits of their costs, which are in the order
+/// of the costs: all, or only those on a boundary, whose collapses take one face.
+fn fill_order(mesh: &mut Mesh, only: Option<State>, order: &mut Vec<(u32, u32)>) {
+    order.clear();
+    for vertex in 0..mesh.spots.len() as u32 {
+        let is_wanted = only.is_none_or(|state| mesh.states[vertex as usize] == state);
+        if is_wanted && mesh.is_removable(vertex) {
+            let cost = mesh.known_cost(vertex);
+            if cost.is_finite() {
+                order.push((cost.to_bits(), vertex));
+            }
+        }
+    }
+}

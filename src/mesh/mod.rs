@@ -1,0 +1,22 @@
+//! Meshes in core, made to be decimated: no files, no threads, no progress.
+//!
+//! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
+//! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
+
+mod classify;
+mod collapse;
+mod finish;
+mod morton;
+mod place;
+mod quadric;
+mod ring;
+mod surface;
+mod sweep;
+mod weld;
+
+pub use finish::{Finished, finish};
+pub use place::place;
+pub use quadric::Quadric;
+pub use surface::{Color, Mesh, Patch, State};
+pub use sweep::{Limit, sweep_blocks};
+pub use weld::{Welded, weld};

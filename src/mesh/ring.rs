@@ -1,0 +1,212 @@
+//! The faces around each vertex, side by side in memory.
+//!
+//! A ring is all there is of the faces: each lies in the rings of its three vertices. Looking at a
+//! vertex then costs one cache line, where walking a list of faces would wait for one after the
+//! other.
+
+/// A face as one of its vertices sees it: the two others, counter-clockwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub(super) struct Wing {
+    pub(super) next: u32,
+    pub(super) prev: u32,
+}
+
+impl Wing {
+    #[inline]
+    pub(super) fn has(self, vertex: u32) -> bool {
+        self.next == vertex || self.prev == vertex
+    }
+}
+
+/// Faces of a ring that lie in its cache line.
+const NEAR_FACES: usize = 8;
+
+/// A ring of up to [`NEAR_FACES`] faces; of a larger one, `next` of the first is its number among
+/// the far ones.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+struct Line([Wing; NEAR_FACES]);
+
+/// All rings.
+#[derive(Debug, Default)]
+pub(super) struct Rings {
+    lines: Vec<Line>,
+    counts: Vec<u16>,
+    far: Vec<Vec<Wing>>,
+    far_free: Vec<u32>,
+}
+
+/// Faces counted at a vertex; further ones would be lost, so that they are refused.
+const RING_FACES_MAX: usize = u16::MAX as usize;
+
+impl Rings {
+    /// Makes the rings of faces over `vertices` vertices; returns the faces left out because a
+    /// vertex had too many.
+    pub(super) fn of_faces(vertices: usize, faces: &[[u32; 3]]) -> (Self, usize) {
+        let mut rings = Self {
+            lines: vec![Line::default(); vertices],
+            counts: vec![0; vertices],
+            ..Self::default()
+        };
+        let mut refused = 0;
+        for &[a, b, c] in faces {
+            let is_full = |v: &u32| rings.counts[*v as usize] as usize == RING_FACES_MAX;
+            if [a, b, c].iter().any(is_full) {
+                refused += 1;
+                continue;
+            }
+            rings.push(a, Wing { next: b, prev: c });
+            rings.push(b, Wing { next: c, prev: a });
+            rings.push(c, Wing { next: a, prev: b });
+        }
+        (rings, refused)
+    }
+
+    /// Faces at a vertex: none when it is gone.
+    #[inline]
+    pub(super) fn count(&self, vertex: u32) -> usize {
+        usize::from(self.counts[vertex as usize])
+    }
+
+    /// The faces at a vertex, in no order.
+    #[inline]
+    pub(super) fn of(&self, vertex: u32) -> &[Wing] {
+        let (line, count) = (&self.lines[vertex as usize], self.count(vertex));
+        match line.0.get(..count) {
+            Some(near) => near,
+            None => &self.far[line.0[0].next as usize],
+        }
+    }
+
+    #[inline]
+    fn of_mut(&mut self, vertex: u32) -> &mut [Wing] {
+        let (line, count) = (&mut self.lines[vertex as usize], self.counts[vertex as usize]);
+        match usize::from(count) {
+            count @ 0..=NEAR_FACES => &mut line.0[..count],
+            _ => &mut self.far[line.0[0].next as usize],
+        }
+    }
+
+    #[inline]
+    fn push(&mut self, vertex: u32, wing: Wing) {
+        let (line, count) = (&mut self.lines[vertex as usize], self.counts[vertex as usize]);
+        let count = usize::from(count);
+        self.counts[vertex as usize] += 1;
+        match line.0.get_mut(count) {
+            Some(free) => *free = wing,
+            None if count == NEAR_FACES => {
+                let number = self.far_free.pop().unwrap_or_else(|| {
+                    self.far.push(Vec::with_capacity(2 * NEAR_FACES));
+                    self.far.len() as u32 - 1
+                });
+                let far = &mut self.far[number as usize];
+                far.clear();
+                far.extend_from_slice(&line.0);
+                far.push(wing);
+                line.0[0].next = number;
+            }
+            None => self.far[line.0[0].next as usize].push(wing),
+        }
+    }
+
+    /// Forgets the last faces of a vertex.
+    fn truncate(&mut self, vertex: u32, count: usize) {
+        let before = self.count(vertex);
+        let line = &mut self.lines[vertex as usize];
+        if before > NEAR_FACES {
+            let number = line.0[0].next;
+            let far = &mut self.far[number as usize];
+            far.truncate(count);
+            if count <= NEAR_FACES {
+                line.0[..count].copy_from_slice(far);
+                self.far_free.push(number);
+            }
+        }
+        self.counts[vertex as usize] = count as u16;
+    }
+
+    /// Makes `kept` of `removed` in the ring of `vertex`; faces that have both are gone.
+    #[inline]
+    pub(super) fn rename(&mut self, vertex: u32, removed: u32, kept: u32) {
+        let ring = self.of_mut(vertex);
+        let mut left = 0;
+        for index in 0..ring.len() {
+            let mut wing = ring[index];
+            if wing.has(removed) {
+                if wing.has(kept) {
+                    continue;
+                }
+                if wing.next == removed {
+                    wing.next = kept;
+                } else {
+                    wing.prev = kept;
+                }
+            }
+            ring[left] = wing;
+            left += 1;
+        }
+        if left < ring.len() {
+            self.truncate(vertex, left);
+        }
+    }
+
+    /// Moves the faces of `removed` to the ring of `kept`; those that have both are gone. Returns
+    /// their number. `ring` is a copy of the ring of `removed`.
+    #[inline]
+    pub(super) fn unite(&mut self, removed: u32, kept: u32, ring: &[Wing]) -> usize {
+        let around = self.of_mut(kept);
+        let mut left = 0;
+        for index in 0..around.len() {
+            let wing = around[index];
+            around[left] = wing;
+            left += usize::from(!wing.has(removed));
+        }
+        let gone = around.len() - left;
+        self.truncate(kept, left);
+        for wing in ring.iter().filter(|wing| !wing.has(kept)) {
+            self.push(kept, *wing);
+        }
+        self.truncate(removed, 0);
+        gone
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fan of `count` faces around vertex 0.
+    fn fan(count: u32) -> Vec<[u32; 3]> {
+        (0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]).collect()
+    }
+
+    #[test]
+    fn rings_of_any_size_are_kept_and_shrink_again() {
+        for count in [3, 8, 9, 40] {
+            let (mut rings, refused) = Rings::of_faces(count as usize + 1, &fan(count));
+            assert_eq!((rings.count(0), refused), (count as usize, 0));
+            let expected: Vec<Wing> =
+                fan(count).iter().map(|f| Wing { next: f[1], prev: f[2] }).collect();
+            assert_eq!(rings.of(0), expected);
+            for removed in 2..count {
+                rings.rename(0, removed, removed + 1);
+                assert_eq!(rings.count(0), (count - (removed - 1)) as usize);
+                assert!(!rings.of(0).iter().any(|wing| wing.has(removed)));
+            }
+        }
+    }
+
+    #[test]
+    fn uniting_drops_the_faces_of_both() {
+        //   2---3        2---3
+        //  / \ / \   →    \ / \
+        // 5---0---1        0---1     (5 is removed into 0; 4 is below)
+        let faces = [[0, 1, 3], [0, 3, 2], [0, 2, 5], [5, 4, 0], [0, 4, 1], [5, 2, 6], [5, 6, 4]];
+        let (mut rings, _) = Rings::of_faces(7, &faces);
+        let ring = rings.of(5).to_vec();
+        assert_eq!(rings.unite(5, 0, &ring), 2);
+        assert_eq!((rings.count(5), rings.count(0)), (0, 5));
+        assert!(rings.of(0).contains(&Wing { next: 2, prev: 6 }));
+    }
+}

@@ -1,0 +1,351 @@
+//! The mesh: vertices, faces, and for each vertex the list of its corners.
+
+use glam::{Vec3, Vec4};
+
+use super::{
+    Quadric,
+    classify::{classify, is_end},
+    ring::{Rings, Wing},
+};
+
+/// No corner, no vertex.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// What a vertex is to the decimation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct State(u8);
+
+impl State {
+    /// Inside the surface: its faces are one closed fan.
+    pub const INNER: Self = Self(0);
+    /// On a true boundary: its faces are one open fan, and none is missing.
+    pub const BOUNDARY: Self = Self(1);
+    /// Its faces are no fan: never removed.
+    pub const COMPLEX: Self = Self(2);
+    /// Other faces of it are not here, as at an interface: neither removed nor moved. Combines
+    /// with any of the others.
+    pub const FROZEN: Self = Self(4);
+
+    /// Whether all of `other` holds.
+    #[inline]
+    #[must_use]
+    pub fn has(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// The same, with faces elsewhere.
+    pub(super) fn frozen(self) -> Self {
+        Self(self.0 | Self::FROZEN.0)
+    }
+
+    /// Whether a collapse may remove the vertex.
+    #[inline]
+    pub(super) fn is_removable(self) -> bool {
+        self.0 & (Self::COMPLEX.0 | Self::FROZEN.0) == 0
+    }
+}
+
+/// What of a vertex its neighbours look at: position, and the value of its quadric there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spot(pub(super) Vec4);
+
+impl Spot {
+    #[inline]
+    pub(super) fn position(self) -> Vec3 {
+        self.0.truncate()
+    }
+
+    #[inline]
+    pub(super) fn error(self) -> f32 {
+        self.0.w
+    }
+}
+
+/// Marks a cost that must be computed.
+pub(super) const UNKNOWN: f32 = -1.0;
+
+/// Mean colour of what a vertex stands for, weighted by area.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Color {
+    /// Sum of the colours, times their weights.
+    pub rgba: [f32; 4],
+    /// Sum of the weights.
+    pub weight: f32,
+}
+
+impl Color {
+    /// The mean, RGBA.
+    #[must_use]
+    pub fn mean(&self) -> [u8; 4] {
+        let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
+        self.rgba.map(|sum| (sum / weight).round().clamp(0.0, 255.0) as u8)
+    }
+
+    fn add(&mut self, other: &Self) {
+        for (sum, term) in self.rgba.iter_mut().zip(other.rgba) {
+            *sum += term;
+        }
+        self.weight += other.weight;
+    }
+}
+
+/// A piece of surface on its way between meshes: what of it is decided, and what is not.
+#[derive(Clone, Debug, Default)]
+pub struct Patch {
+    /// Positions by vertex.
+    pub positions: Vec<Vec3>,
+    /// Quadrics by vertex.
+    pub quadrics: Vec<Quadric>,
+    /// Colours by vertex; empty without colours.
+    pub colors: Vec<Color>,
+    /// Vertices that other patches have too, increasing.
+    pub shared: Vec<u32>,
+    /// Vertices that were shared until the patches were joined: nobody has seen yet whether they
+    /// are on a boundary.
+    pub joined: Vec<u32>,
+    /// Faces; every vertex has one.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// A triangle mesh that edges can be collapsed in. All arrays are by vertex.
+pub struct Mesh {
+    pub(super) spots: Vec<Spot>,
+    pub(super) rings: Rings,
+    /// Their values at the vertex are in the spots.
+    quadrics: Vec<Quadric>,
+    pub(super) states: Vec<State>,
+    /// Cost of the best collapse that removes the vertex, as far as it is known: never too large
+    /// while its ring is as it was. [`UNKNOWN`] when it must be looked for, infinite when there is
+    /// none.
+    pub(super) costs: Vec<f32>,
+    /// Empty without colours.
+    colors: Vec<Color>,
+    /// Faces that are left.
+    pub(super) faces_left: usize,
+}
+
+/// Weight of staying near, relative to the area of a face: decides where all is flat, and is lost
+/// beside any curvature. Chosen by hand.
+const POINT_WEIGHT: f32 = 1e-6;
+
+/// Weight of the plane that stands on a boundary edge, relative to the edge's squared length:
+/// the boundary should not move more than the surface. Chosen by hand.
+const BOUNDARY_WEIGHT: f32 = 4.0;
+
+impl Mesh {
+    /// Makes a mesh of a surface as it was scanned: quadrics are those of its own faces.
+    #[must_use]
+    pub fn of_original(mut patch: Patch) -> Self {
+        patch.quadrics = vec![Quadric::default(); patch.positions.len()];
+        for corners in &patch.faces {
+            let [a, b, c] = corners.map(|v| patch.positions[v as usize]);
+            let n = (b - a).cross(c - a);
+            let length = n.length();
+            if length > 0.0 {
+                let mut quadric = Quadric::of_plane(n, 2.0 * length);
+                quadric.add_point(POINT_WEIGHT * length);
+                for v in corners {
+                    patch.quadrics[*v as usize].add_matrix(&quadric);
+                }
+            }
+        }
+        let mut mesh = Self::of_decimated(patch);
+        mesh.add_boundaries(0..mesh.states.len() as u32);
+        mesh
+    }
+
+    /// Adds boundary quadrics to those of these vertices that are on a boundary.
+    fn add_boundaries(&mut self, vertices: impl Iterator<Item = u32>) {
+        for vertex in vertices {
+            if self.states[vertex as usize] == State::BOUNDARY {
+                self.add_boundary(vertex);
+            }
+        }
+    }
+
+    /// Makes a mesh of patches that have been decimated: quadrics are what the patches say.
+    #[must_use]
+    pub fn of_decimated(patch: Patch) -> Self {
+        let Patch { positions, quadrics, colors, shared, joined, faces } = patch;
+        let vertices = positions.len();
+        let (rings, refused) = Rings::of_faces(vertices, &faces);
+        let faces_left = faces.len() - refused;
+        drop(faces);
+        let spot =
+            |(position, quadric): (&Vec3, &Quadric)| Spot(position.extend(quadric.at_vertex()));
+        let spots = positions.iter().zip(&quadrics).map(spot).collect();
+        let mut states: Vec<State> =
+            (0..vertices as u32).map(|vertex| classify(rings.of(vertex))).collect();
+        for vertex in shared {
+            states[vertex as usize] = states[vertex as usize].frozen();
+        }
+        let costs = vec![UNKNOWN; vertices];
+        let mut mesh = Self { spots, rings, quadrics, states, costs, colors, faces_left };
+        mesh.add_boundaries(joined.into_iter());
+        mesh
+    }
+
+    /// Adds the planes that stand on the boundary edges at `vertex`.
+    fn add_boundary(&mut self, vertex: u32) {
+        let p = self.position(vertex);
+        let ring = self.rings.of(vertex);
+        let mut sum = Quadric::default();
+        for wing in ring {
+            let (u, w) = (self.position(wing.next), self.position(wing.prev));
+            let n = (u - p).cross(w - p);
+            for (other, end) in [(wing.next, u), (wing.prev, w)] {
+                if !is_end(ring, other) {
+                    continue;
+                }
+                let edge = end - p;
+                let upright = edge.cross(n);
+                let length = upright.length();
+                if length > 0.0 {
+                    // The upright normal has the length |edge| |n|; scaled to |edge|, squared.
+                    let scale = length * length / (edge.length_squared() * BOUNDARY_WEIGHT);
+                    sum.add(&Quadric::of_plane(upright, scale));
+                }
+            }
+        }
+        self.quadrics[vertex as usize].add_matrix(&sum);
+    }
+
+    #[inline]
+    pub(super) fn position(&self, vertex: u32) -> Vec3 {
+        self.spots[vertex as usize].position()
+    }
+
+    /// Moves a vertex. Its quadric stays where it is: for the last step of all.
+    pub(super) fn move_to(&mut self, vertex: u32, position: Vec3) {
+        let spot = &mut self.spots[vertex as usize];
+        *spot = Spot(position.extend(spot.error()));
+    }
+
+    #[inline]
+    pub(super) fn quadric(&self, vertex: u32) -> Quadric {
+        self.quadrics[vertex as usize].with_value(self.spots[vertex as usize].error())
+    }
+
+    /// Whether the vertex is there and may be removed.
+    #[inline]
+    pub(super) fn is_removable(&self, vertex: u32) -> bool {
+        self.states[vertex as usize].is_removable() && self.rings.count(vertex) > 0
+    }
+
+    /// Faces that are left.
+    #[must_use]
+    pub fn faces_left(&self) -> usize {
+        self.faces_left
+    }
+
+    /// Vertices that cannot be removed because their faces are no fan.
+    #[must_use]
+    pub fn complex_vertices(&self) -> usize {
+        let complex = |vertex: &u32| self.states[*vertex as usize].has(State::COMPLEX);
+        let left = (0..self.states.len() as u32).filter(|vertex| self.rings.count(*vertex) > 0);
+        left.filter(complex).count()
+    }
+
+    /// Collapses `removed`, whose ring is given, into `kept`, and returns the faces that are gone.
+    #[inline]
+    pub(super) fn collapse(&mut self, removed: u32, kept: u32, ring: &[Wing]) -> usize {
+        let is_open = self.states[removed as usize] == State::BOUNDARY;
+        // Each neighbour is the next of one face; only the end of an open fan is not.
+        let end = ring.iter().map(|wing| wing.prev).filter(|prev| is_open && is_end(ring, *prev));
+        for other in ring.iter().map(|wing| wing.next).chain(end) {
+            self.costs[other as usize] = UNKNOWN;
+            if other != kept {
+                self.rings.rename(other, removed, kept);
+            }
+        }
+        let gone = self.rings.unite(removed, kept, ring);
+        let step = self.position(kept) - self.position(removed);
+        let moved = self.quadric(removed).moved(step);
+        self.quadrics[kept as usize].add_matrix(&moved);
+        self.spots[kept as usize].0.w += moved.at_vertex();
+        if !self.colors.is_empty() {
+            let color = self.colors[removed as usize];
+            self.colors[kept as usize].add(&color);
+        }
+        self.faces_left -= gone;
+        gone
+    }
+
+    /// Takes what is left out of the mesh: vertices in their order, faces in that of their first
+    /// vertices.
+    #[must_use]
+    pub fn into_patch(self) -> Patch {
+        let mut patch = Patch::default();
+        let mut old_to_new = vec![NONE; self.spots.len()];
+        for vertex in 0..self.spots.len() as u32 {
+            if self.rings.count(vertex) == 0 {
+                continue;
+            }
+            let new = patch.positions.len() as u32;
+            old_to_new[vertex as usize] = new;
+            patch.positions.push(self.position(vertex));
+            patch.quadrics.push(self.quadric(vertex));
+            patch.colors.extend(self.colors.get(vertex as usize));
+            if self.states[vertex as usize].has(State::FROZEN) {
+                patch.shared.push(new);
+            }
+        }
+        patch.faces.reserve(self.faces_left);
+        for vertex in 0..self.spots.len() as u32 {
+            let first = |wing: &&Wing| vertex < wing.next && vertex < wing.prev;
+            for wing in self.rings.of(vertex).iter().filter(first) {
+                let face = [vertex, wing.next, wing.prev];
+                patch.faces.push(face.map(|v| old_to_new[v as usize]));
+            }
+        }
+        debug_assert_eq!(patch.faces.len(), self.faces_left, "every face is counted once");
+        patch
+    }
+}
+
+impl Patch {
+    /// Joins patches to one: vertices that several share, found by their exact positions, become
+    /// one with the sum of their quadrics and colours, and are shared no more.
+    #[must_use]
+    pub fn join(patches: Vec<Self>) -> Self {
+        let mut whole = Self::default();
+        let mut seams = hashbrown::HashMap::<[u32; 3], u32>::new();
+        let mut old_to_new = Vec::new();
+        for patch in patches {
+            old_to_new.clear();
+            let mut shared = patch.shared.iter().peekable();
+            for (index, position) in patch.positions.iter().enumerate() {
+                let new = whole.positions.len() as u32;
+                if shared.next_if(|vertex| **vertex == index as u32).is_some() {
+                    let bits = position.to_array().map(|c| (c + 0.0).to_bits());
+                    let known = *seams.entry(bits).or_insert(new);
+                    if known != new {
+                        old_to_new.push(known);
+                        whole.quadrics[known as usize].add(&patch.quadrics[index]);
+                        if let Some(color) = patch.colors.get(index) {
+                            whole.colors[known as usize].add(color);
+                        }
+                        continue;
+                    }
+                    whole.joined.push(new);
+                }
+                old_to_new.push(new);
+                whole.positions.push(*position);
+                whole.quadrics.push(patch.quadrics[index]);
+                whole.colors.extend(patch.colors.get(index));
+            }
+            let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
+            whole.faces.extend(patch.faces.iter().map(renumber));
+        }
+        whole
+    }
+
+    /// Bytes it takes in memory.
+    #[must_use]
+    pub fn size_bytes(&self) -> usize {
+        let vertex = size_of::<Vec3>() + size_of::<Quadric>();
+        self.positions.len() * vertex
+            + size_of_val(self.colors.as_slice())
+            + size_of_val(self.faces.as_slice())
+    }
+}

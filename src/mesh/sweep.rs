@@ -1,0 +1,129 @@
+//! Threshold sweeps: block after block, collapse whatever costs less than a threshold that rises.
+//!
+//! A block is a stretch of vertices in memory, small enough for the cache. All its sweeps are done
+//! before the next block is begun; that is where the speed comes from. One threshold for all
+//! blocks spreads the error as a global greedy decimation would.
+
+use super::{
+    ring::Wing,
+    surface::{Mesh, UNKNOWN},
+};
+
+/// When to leave a block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// No collapse costs this or more: area times squared distance.
+    pub cost: f32,
+    /// A block is not brought below this share of its vertices.
+    pub share: f64,
+    /// The mesh is not brought below this number of faces.
+    pub faces: usize,
+}
+
+/// Vertices of a block: with their rings and quadrics they fill a second-level cache of 1 MiB.
+const BLOCK_VERTICES: usize = 1 << 13;
+
+/// The threshold rises by this factor from sweep to sweep. On an iso-surface of 1 M triangles, a
+/// step of 1.6 is 15 % slower and less than 1 % better, one of 10 a little faster and 7 % worse.
+const STEP: f32 = 2.5;
+
+/// The first threshold of a block is above the costs of this share of its vertices.
+const FIRST_SHARE: usize = 4;
+
+/// At the last threshold, sweeps go on while they collapse more than this share of the vertices.
+const REST_SHARE: usize = 200;
+
+/// Decimates all blocks of a mesh to a limit.
+pub fn sweep_blocks(mesh: &mut Mesh, limit: &Limit) {
+    let mut block = Vec::with_capacity(BLOCK_VERTICES);
+    let mut ring = Vec::new();
+    let vertices = mesh.spots.len();
+    let mut start = 0;
+    while start < vertices {
+        let end = (start + BLOCK_VERTICES).min(vertices);
+        // A rest of a block is done with the last whole one.
+        let end = if vertices - end < BLOCK_VERTICES / 2 { vertices } else { end };
+        block.clear();
+        block.extend((start as u32..end as u32).filter(|vertex| mesh.rings.count(*vertex) > 0));
+        sweep_block(mesh, &mut block, limit, &mut ring);
+        start = end;
+        if mesh.faces_left <= limit.faces {
+            break;
+        }
+    }
+}
+
+fn sweep_block(mesh: &mut Mesh, block: &mut Vec<u32>, limit: &Limit, ring: &mut Vec<Wing>) {
+    let least = (block.len() as f64 * limit.share) as usize;
+    block.retain(|vertex| mesh.is_removable(*vertex));
+    let mut threshold = first_threshold(mesh, block).min(limit.cost);
+    loop {
+        let before = block.len();
+        let budget = before.saturating_sub(least);
+        let collapsed = sweep(mesh, block, threshold, (budget, limit.faces), ring);
+        if collapsed > 0 {
+            block.retain(|vertex| mesh.rings.count(*vertex) > 0);
+        }
+        let is_last = threshold >= limit.cost;
+        if collapsed >= budget
+            || mesh.faces_left <= limit.faces
+            || (is_last && collapsed * REST_SHARE <= before)
+            || (!threshold.is_finite())
+        {
+            return;
+        }
+        threshold = (threshold * STEP).min(limit.cost);
+    }
+}
+
+/// Collapses each vertex of the block that costs less than `threshold`, until `budget` vertices
+/// are gone or few enough faces are left.
+fn sweep(
+    mesh: &mut Mesh,
+    block: &[u32],
+    threshold: f32,
+    (budget, faces_least): (usize, usize),
+    ring: &mut Vec<Wing>,
+) -> usize {
+    let mut collapsed = 0;
+    for &vertex in block {
+        if mesh.costs[vertex as usize] >= threshold {
+            continue;
+        }
+        let Some(best) = mesh.best_collapse(vertex, threshold, ring) else { continue };
+        mesh.collapse(vertex, best.kept, ring);
+        collapsed += 1;
+        if collapsed >= budget || mesh.faces_left <= faces_least {
+            break;
+        }
+    }
+    collapsed
+}
+
+impl Mesh {
+    /// The cost of removing a vertex, computed if need be.
+    #[inline]
+    pub(super) fn known_cost(&mut self, vertex: u32) -> f32 {
+        if self.costs[vertex as usize] == UNKNOWN {
+            self.costs[vertex as usize] = self.cheapest_cost(vertex);
+        }
+        self.costs[vertex as usize]
+    }
+}
+
+/// Computes the costs of a block that are not known, and returns a threshold to begin with.
+fn first_threshold(mesh: &mut Mesh, block: &[u32]) -> f32 {
+    let mut costs = Vec::with_capacity(block.len());
+    for &vertex in block {
+        let cost = mesh.known_cost(vertex);
+        if cost.is_finite() {
+            costs.push(cost);
+        }
+    }
+    if costs.is_empty() {
+        return f32::INFINITY;
+    }
+    let rank = costs.len() / FIRST_SHARE;
+    let (_, cost, _) = costs.select_nth_unstable_by(rank, f32::total_cmp);
+    cost.max(f32::MIN_POSITIVE)
+}

@@ -1,0 +1,35 @@
+//! One slab: from triangles to what is left of them.
+
+use super::cutter::Slab;
+use crate::{
+    mesh::{Limit, Mesh, Patch, sweep_blocks, weld},
+    soup::{SweepAxis, SweepPlace, Vertex},
+};
+
+/// What is left of a slab.
+pub(super) struct Decimated {
+    pub(super) index: u64,
+    /// Its frozen vertices are the shared ones.
+    pub(super) patch: Patch,
+    pub(super) degenerate: u64,
+}
+
+/// Decimates a slab to `limit`; vertices that have faces in other slabs stay.
+pub(super) fn decimate<V: Vertex>(slab: Slab<V>, axis: SweepAxis, limit: &Limit) -> Decimated {
+    let Slab { index, triangles, front, until } = slab;
+    let mut welded = weld(&triangles);
+    drop(triangles);
+    let mut shared: Vec<u32> = front.iter().filter_map(|p| welded.find(*p)).collect();
+    if let Some(until) = until {
+        let positions = welded.patch.positions.iter().zip(0..);
+        let is_open = |position: &glam::Vec3| SweepPlace::of(position.to_array(), axis) >= until;
+        shared.extend(positions.filter(|(p, _)| is_open(p)).map(|(_, vertex)| vertex));
+    }
+    shared.sort_unstable();
+    shared.dedup();
+    let degenerate = welded.degenerate;
+    welded.patch.shared = shared;
+    let mut mesh = Mesh::of_original(welded.into_patch());
+    sweep_blocks(&mut mesh, limit);
+    Decimated { index, patch: mesh.into_patch(), degenerate }
+}
