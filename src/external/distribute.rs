@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use super::{
     partition::{BUCKETS_MAX, Part, part_records},
-    turns::{Steps, in_turns},
+    turns::{Spare, Steps, in_turns},
 };
 use crate::{
     error::Result,
@@ -102,6 +102,7 @@ pub(super) fn chunk_records(memory_bytes: u64, record_bytes: usize) -> usize {
 pub(super) struct Buckets<R> {
     writers: Vec<RecordWriter<R>>,
     memory_bytes: u64,
+    spare: Spare<UnderWay<R>>,
 }
 
 /// A bucket's buffer: a few pages even with next to no memory, and no more than is gained by.
@@ -118,7 +119,7 @@ impl<R: Record> Buckets<R> {
         let buffer_bytes = buffer_bytes.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize;
         let create = |_| RecordWriter::create_buffered(workspace, name, None, buffer_bytes);
         let writers = (0..buckets).map(create).collect::<Result<_>>()?;
-        Ok(Self { writers, memory_bytes })
+        Ok(Self { writers, memory_bytes, spare: Spare::default() })
     }
 
     /// Sends `records` to their buckets, in order. `convert` makes what is stored of a record
@@ -197,7 +198,7 @@ impl<R: Record> Buckets<R> {
             },
             after: |under_way: &mut UnderWay<R>| under_way.full.write(),
         };
-        in_turns(threads, || UnderWay::new(full_bytes_max), steps)
+        in_turns(threads, &self.spare, || UnderWay::new(full_bytes_max), steps)
     }
 
     /// Each thread has a part, and the source of it.

@@ -11,7 +11,7 @@ use super::{
     in_memory::{Place, sort_to_either},
     sort::Config,
     splitters::Splitters,
-    turns::{Steps, in_turns},
+    turns::{Spare, Steps, in_turns},
     waves,
 };
 use crate::{
@@ -235,7 +235,8 @@ pub(super) fn write_sorted<R: Keyed>(
         Ok(())
     };
     let state = || Writing { memory: None, count: 0, sum: Sum::default() };
-    in_turns(width, state, Steps { next, work, turn, after: |_: &mut Writing<R>| Ok(()) })
+    let steps = Steps { next, work, turn, after: |_: &mut Writing<R>| Ok(()) };
+    in_turns(width, &Spare::default(), state, steps)
 }
 
 /// What a thread holds that writes buckets.

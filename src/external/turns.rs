@@ -19,11 +19,16 @@ pub(super) struct Steps<N, W, T, A> {
     pub(super) after: A,
 }
 
+/// What threads kept when they were done, to be used again: fresh memory costs a fault a page.
+pub(super) type Spare<S> = Mutex<Vec<S>>;
+
 /// Takes every item through its steps on `width` threads of the current pool, or as many as it
-/// has. The first failure, in order of the items but for those of the last step, ends it.
-pub(super) fn in_turns<I: Send, S, N, W, T, A>(
+/// has. What they keep comes from `spare`, or is made by `new`, and ends up in `spare` again. The
+/// first failure, in order of the items but for those of the last step, ends it.
+pub(super) fn in_turns<I: Send, S: Send, N, W, T, A>(
     width: usize,
-    state: impl Fn() -> S + Sync,
+    spare: &Spare<S>,
+    new: impl Fn() -> S + Sync,
     steps: Steps<N, W, T, A>,
 ) -> Result<()>
 where
@@ -38,7 +43,8 @@ where
     let order = Order { turn, came: Condvar::new() };
     let run = || {
         let _wakes_others = Guard(&order);
-        let mut state = state();
+        let kept = spare.lock().expect(WHOLE).pop();
+        let mut state = kept.unwrap_or_else(&new);
         while let Some((number, item)) = fetch(&queue) {
             let worked = item.and_then(|item| work(item, &mut state));
             let Some(mut turn) = order.wait_for(number) else { return };
@@ -58,6 +64,7 @@ where
                 return;
             }
         }
+        spare.lock().expect(WHOLE).push(state);
     };
     let width = width.clamp(1, rayon::current_num_threads());
     rayon::scope(|scope| (0..width).for_each(|_| scope.spawn(|_| run())));
@@ -147,7 +154,7 @@ mod tests {
                 Ok(())
             },
         };
-        let outcome = in_turns(width, || 0, steps);
+        let outcome = in_turns(width, &Spare::default(), || 0, steps);
         let mut written = written.into_inner().unwrap();
         written.sort_unstable();
         assert!(seen.starts_with(&written));
@@ -182,6 +189,6 @@ mod tests {
             turn: |(): &mut ()| Ok(()),
             after: |(): &mut ()| Ok(()),
         };
-        let _ = in_turns(4, || (), steps);
+        let _ = in_turns(4, &Spare::default(), || (), steps);
     }
 }

@@ -119,6 +119,13 @@ impl<R: Record> RecordWriter<R> {
         let mut bytes = records.as_bytes();
         self.count += records.len() as u64;
         loop {
+            // Copying much to write it elsewhere costs more than the others' wait.
+            if self.buffer.is_empty() && bytes.len() >= self.buffer_bytes {
+                let (now, later) = bytes.split_at(bytes.len().min(IO_BLOCK_BYTES));
+                self.write(now)?;
+                bytes = later;
+                continue;
+            }
             let room = self.buffer_bytes.saturating_sub(self.buffer.len());
             let (now, later) = bytes.split_at(room.min(bytes.len()));
             self.buffer.extend_from_slice(now);

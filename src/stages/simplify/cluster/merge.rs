@@ -142,22 +142,50 @@ fn rank_known(
     workspace: &Workspace,
     meter: &Meter,
 ) -> Result<RecordFile<CellTriangle>> {
-    let range = known.first().zip(known.last());
-    let rank = |corner: u64| match range {
-        Some((low, high)) if (*low..=*high).contains(&corner) => {
-            known.binary_search(&corner).map_or(corner, |index| RANKED | (first + index as u64))
+    let rank_all = |triangles: &mut [CellTriangle]| {
+        let mut near = [0; 3];
+        for triangle in triangles {
+            for (corner, near) in triangle.0.iter_mut().zip(&mut near) {
+                *near = position_near(known, *corner, *near);
+                if known.get(*near) == Some(corner) {
+                    *corner = RANKED | (first + *near as u64);
+                }
+            }
         }
-        _ => corner,
     };
     let mut writer = RecordWriter::create(workspace, "ranked", Some(run.count()))?;
     let mut scanner = run.scan()?;
+    let mut ranked = Vec::new();
     while let Some(batch) = scanner.next_batch()? {
-        let ranked = batch.par_iter().with_min_len(1 << 10);
-        let ranked: Vec<_> = ranked.map(|t| CellTriangle(t.0.map(rank))).collect();
+        ranked.clear();
+        ranked.extend_from_slice(batch);
+        ranked.par_chunks_mut(RANKED_AT_ONCE).for_each(rank_all);
         writer.extend(&ranked)?;
         meter.add(batch.len() as u64)?;
     }
     writer.finish()
+}
+
+/// Triangles ranked by one task, each from where the one before it was found.
+const RANKED_AT_ONCE: usize = 1 << 11;
+
+/// Where `id` stands in ascending `ids`, or would stand: searched from `near` in steps that
+/// double, since neighbouring triangles lie between neighbouring cells.
+fn position_near(ids: &[u64], id: u64, near: usize) -> usize {
+    let mut step = 1;
+    let (mut low, mut high) = (near.min(ids.len()), near.min(ids.len()));
+    // Everything before `low` is smaller than the id, everything from `high` on is not.
+    while low > 0 && ids[low - 1] >= id {
+        high = low - 1;
+        low = low.saturating_sub(step);
+        step *= 2;
+    }
+    while high < ids.len() && ids[high] < id {
+        low = high + 1;
+        high = (high + step).min(ids.len());
+        step *= 2;
+    }
+    low + ids[low..high].partition_point(|other| *other < id)
 }
 
 /// The triangles with the numbers of their cells among the used ones.
@@ -194,4 +222,22 @@ fn keep_used<V: Vertex>(
         }
     }
     writer.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_id_is_found_from_everywhere() {
+        let ids: Vec<u64> = (0..40).map(|i| i * i).collect();
+        for count in [0, 1, 2, 40] {
+            for id in 0..1600 {
+                let expected = ids[..count].partition_point(|other| *other < id);
+                for near in 0..=count + 1 {
+                    assert_eq!(position_near(&ids[..count], id, near), expected, "{id} {near}");
+                }
+            }
+        }
+    }
 }

@@ -20,6 +20,7 @@ use std::sync::{
 };
 
 pub use estimate::cells_for;
+use rayon::prelude::*;
 use spill::Run;
 use table::CellTable;
 
@@ -140,10 +141,11 @@ pub fn assemble<V: Vertex>(
     if partials.runs.is_empty() {
         return assemble::in_memory(partials.tables, config, monitor);
     }
-    for mut table in partials.tables {
-        let serial = partials.runs.len() as u32;
-        partials.runs.push(spill::spill(&mut table, serial, workspace)?);
-    }
+    let spilled = partials.runs.len();
+    let tables = partials.tables.into_par_iter().enumerate();
+    let last =
+        tables.map(|(i, mut table)| spill::spill(&mut table, (spilled + i) as u32, workspace));
+    partials.runs.extend(last.collect::<Result<Vec<_>>>()?);
     merge::on_disk(partials.runs, config, workspace, monitor)
 }
 
