@@ -1,10 +1,10 @@
-//! Half-edge collapses: what they cost, and whether they are legal.
+//! Edge collapses: the cheapest that is legal.
 
-use glam::{Mat4, Vec3, Vec4};
+use glam::Vec3;
 
 use super::{
     State,
-    classify::is_end,
+    metric::{Candidate, Metric},
     ring::Wing,
     surface::{Mesh, NONE},
 };
@@ -13,17 +13,10 @@ use super::{
 /// Measured by the prototype of the design: less lets folds through, more refuses too much.
 const TURN_COSINE_SQ: f32 = 0.0625;
 
-/// A collapse of a vertex into a neighbour.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
-    pub(super) kept: u32,
-    pub(super) cost: f32,
-}
-
 /// Collapses tried at a vertex before it is left until its ring changes.
 const TRIES_MAX: usize = 3;
 
-impl Mesh {
+impl<M: Metric> Mesh<M> {
     /// Finds the cheapest legal collapse that removes `vertex`, costing less than `cost_limit`,
     /// and leaves the vertex's ring in `ring`. Without one, sets the vertex's cost: what the
     /// cheapest would cost, or infinite when those tried are illegal.
@@ -36,14 +29,15 @@ impl Mesh {
     ) -> Option<Candidate> {
         ring.clear();
         ring.extend_from_slice(self.rings.of(vertex));
+        M::prepare(self, vertex);
         let mut tried = [NONE; TRIES_MAX];
         for slot in 0..TRIES_MAX {
-            let best = self.cheapest(vertex, ring, &tried[..slot]);
+            let best = M::cheapest(self, vertex, ring, &tried[..slot]);
             let Some(best) = best.filter(|best| best.cost < cost_limit) else {
                 self.costs[vertex as usize] = best.map_or(f32::INFINITY, |best| best.cost);
                 return None;
             };
-            if self.is_legal(vertex, best.kept, ring) {
+            if self.is_legal(vertex, &best, ring) {
                 return Some(best);
             }
             tried[slot] = best.kept;
@@ -54,72 +48,16 @@ impl Mesh {
 
     /// Cost of the cheapest collapse that removes `vertex`, legal or not.
     #[inline]
-    pub(super) fn cheapest_cost(&self, vertex: u32) -> f32 {
-        let best = self.cheapest(vertex, self.rings.of(vertex), &[]);
+    pub(super) fn cheapest_cost(&mut self, vertex: u32) -> f32 {
+        M::prepare(self, vertex);
+        let best = M::cheapest(self, vertex, self.rings.of(vertex), &[]);
         best.map_or(f32::INFINITY, |best| best.cost)
-    }
-
-    /// The neighbour that costs least to collapse into, except some.
-    #[inline]
-    fn cheapest(&self, vertex: u32, ring: &[Wing], except: &[u32]) -> Option<Candidate> {
-        let is_inner = self.states[vertex as usize] == State::INNER;
-        if is_inner && except.is_empty() && !ring.is_empty() {
-            return self.cheapest_inside(vertex, ring);
-        }
-        let quadric = self.quadric(vertex);
-        let from = self.position(vertex);
-        let mut best = Candidate { kept: NONE, cost: f32::INFINITY };
-        let mut consider = |other: u32| {
-            let target = &self.spots[other as usize];
-            let cost = quadric.at(target.position() - from) + target.error();
-            if cost < best.cost && !except.contains(&other) {
-                best = Candidate { kept: other, cost };
-            }
-        };
-        if is_inner {
-            for wing in ring {
-                consider(wing.next);
-            }
-        } else {
-            // Along the boundary only.
-            for wing in ring {
-                for other in [wing.next, wing.prev] {
-                    if is_end(ring, other) {
-                        consider(other);
-                    }
-                }
-            }
-        }
-        best.cost = best.cost.max(0.0);
-        (best.kept != NONE).then_some(best)
-    }
-
-    /// As [`Self::cheapest`] of a vertex inside the surface, four neighbours at a time.
-    #[inline]
-    fn cheapest_inside(&self, vertex: u32, ring: &[Wing]) -> Option<Candidate> {
-        let quadric = self.quadric(vertex);
-        let from = self.position(vertex);
-        let mut best = Candidate { kept: NONE, cost: f32::INFINITY };
-        for four in ring.chunks(4) {
-            // The last neighbour stands in for those that are missing.
-            let others: [u32; 4] = std::array::from_fn(|i| four[i.min(four.len() - 1)].next);
-            let spots = others.map(|other| self.spots[other as usize].0);
-            let [x, y, z, error] = transposed(spots);
-            let (x, y, z) = (x - from.x, y - from.y, z - from.z);
-            let costs = (quadric.at_four(x, y, z) + error).to_array();
-            for (other, cost) in others.into_iter().zip(costs) {
-                if cost < best.cost {
-                    best = Candidate { kept: other, cost };
-                }
-            }
-        }
-        best.cost = best.cost.max(0.0);
-        (best.kept != NONE).then_some(best)
     }
 
     /// Whether collapsing `removed`, whose ring is given, into `kept` keeps the surface what it
     /// is: the link condition, no face turned over `[WK03 §4.3]`.
-    fn is_legal(&self, removed: u32, kept: u32, ring: &[Wing]) -> bool {
+    fn is_legal(&self, removed: u32, best: &Candidate, ring: &[Wing]) -> bool {
+        let kept = best.kept;
         let is_inner = self.states[removed as usize] == State::INNER;
         let apexes = apexes(ring, kept);
         let shared = apexes.iter().filter(|apex| **apex != NONE).count();
@@ -131,7 +69,9 @@ impl Mesh {
         {
             return false;
         }
-        self.keeps_faces_up(removed, kept, ring) && self.links_apart(removed, kept, ring, apexes)
+        self.keeps_faces_up(removed, kept, ring, best.to)
+            && self.links_apart(removed, kept, ring, apexes)
+            && (!M::MOVES_KEPT || self.keeps_faces_up(kept, removed, self.rings.of(kept), best.to))
     }
 
     /// Edges between two frozen vertices may exist where we cannot see: no collapse may make one.
@@ -143,11 +83,14 @@ impl Mesh {
         })
     }
 
+    /// Whether the faces of `ring`, that of `vertex`, look the way they did when `vertex` moves;
+    /// those that `other` shares will be gone.
     #[inline]
-    fn keeps_faces_up(&self, removed: u32, kept: u32, ring: &[Wing]) -> bool {
-        let (from, to) = (self.position(removed), self.position(kept));
+    fn keeps_faces_up(&self, vertex: u32, other: u32, ring: &[Wing], to: Vec3) -> bool {
+        let from = self.position(vertex);
         ring.iter().all(|wing| {
-            wing.has(kept) || stays_up(self.position(wing.next), self.position(wing.prev), from, to)
+            wing.has(other)
+                || stays_up(self.position(wing.next), self.position(wing.prev), from, to)
         })
     }
 
@@ -165,12 +108,6 @@ impl Mesh {
                 && (is_prev || !has(ring, wing.prev))
         })
     }
-}
-
-#[inline]
-fn transposed(rows: [Vec4; 4]) -> [Vec4; 4] {
-    let columns = Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
-    [columns.x_axis, columns.y_axis, columns.z_axis, columns.w_axis]
 }
 
 /// Whether a face of the ring has this vertex.

@@ -2,6 +2,7 @@
 
 use super::{
     Limit, State,
+    metric::Metric,
     surface::{Mesh, UNKNOWN},
     sweep_blocks,
 };
@@ -23,7 +24,7 @@ const SWEEP_MARGIN: f64 = 1.06;
 const ROUND_SHARE: f64 = 0.6;
 
 /// Decimates `mesh` to `faces` faces, or one fewer where only two at a time can go.
-pub fn finish(mesh: &mut Mesh, faces: usize) -> Finished {
+pub fn finish<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> Finished {
     let margin = (faces as f64 * SWEEP_MARGIN) as usize;
     let mut cost = 0.0_f32;
     while mesh.faces_left > margin {
@@ -50,7 +51,7 @@ const SAMPLE_VERTICES: usize = 1 << 14;
 
 /// The threshold at which about `aim` faces are left: as many vertices cost less now as must go,
 /// and since each collapse makes its neighbours dearer, only some of those will.
-fn guess_cost(mesh: &mut Mesh, aim: usize) -> f32 {
+fn guess_cost<M: Metric>(mesh: &mut Mesh<M>, aim: usize) -> f32 {
     let mut costs = Vec::new();
     let step = (mesh.spots.len() / SAMPLE_VERTICES).max(1);
     for vertex in (0..mesh.spots.len() as u32).step_by(step) {
@@ -69,7 +70,7 @@ fn guess_cost(mesh: &mut Mesh, aim: usize) -> f32 {
 
 /// Collapses the cheapest vertices until `faces` are left; `false` when none can be collapsed any
 /// more.
-fn collapse_in_order(mesh: &mut Mesh, faces: usize) -> bool {
+fn collapse_in_order<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> bool {
     let mut ring = Vec::new();
     let mut order = Vec::new();
     while mesh.faces_left > faces {
@@ -100,7 +101,7 @@ fn collapse_in_order(mesh: &mut Mesh, faces: usize) -> bool {
                 continue;
             }
             if let Some(best) = mesh.best_collapse(vertex, limit, &mut ring) {
-                mesh.collapse(vertex, best.kept, &ring);
+                mesh.collapse(vertex, &best, &ring);
             }
         }
     }
@@ -109,7 +110,7 @@ fn collapse_in_order(mesh: &mut Mesh, faces: usize) -> bool {
 
 /// Lists the vertices that can be removed behind the bits of their costs, which are in the order
 /// of the costs: all, or only those on a boundary, whose collapses take one face.
-fn fill_order(mesh: &mut Mesh, only: Option<State>, order: &mut Vec<(u32, u32)>) {
+fn fill_order<M: Metric>(mesh: &mut Mesh<M>, only: Option<State>, order: &mut Vec<(u32, u32)>) {
     order.clear();
     for vertex in 0..mesh.spots.len() as u32 {
         let is_wanted = only.is_none_or(|state| mesh.states[vertex as usize] == state);

@@ -1,11 +1,13 @@
 //! Meshes in core, made to be decimated: no files, no threads, no progress.
 //!
 //! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
-//! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
+//! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know. What a collapse costs is the matter of a [`Metric`].
 
+mod by_quadric;
 mod classify;
 mod collapse;
 mod finish;
+mod metric;
 mod morton;
 mod place;
 mod quadric;
@@ -14,8 +16,9 @@ mod surface;
 mod sweep;
 mod weld;
 
+pub use by_quadric::ByQuadric;
 pub use finish::{Finished, finish};
-pub use place::place;
+pub use metric::Metric;
 pub use quadric::Quadric;
 pub use surface::{Color, Mesh, Patch, State};
 pub use sweep::{Limit, sweep_blocks};

@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-use super::{State, ring::Wing, surface::Mesh};
+use super::{ByQuadric, State, ring::Wing, surface::Mesh};
 
 /// Moves every vertex that is not frozen to the optimum of its quadric, as far as no face turns
 /// over and no further than its longest edge `[WK03 §4.4]`.
-pub fn place(mesh: &mut Mesh) {
+pub(super) fn place(mesh: &mut Mesh<ByQuadric>) {
     for vertex in 0..mesh.spots.len() as u32 {
         let state = mesh.states[vertex as usize];
         let is_bound = state.has(State::FROZEN) || state.has(State::COMPLEX);
@@ -23,7 +23,7 @@ pub fn place(mesh: &mut Mesh) {
 /// Fractions of the way that are tried.
 const FRACTIONS: [f32; 3] = [1.0, 0.5, 0.25];
 
-impl Mesh {
+impl Mesh<ByQuadric> {
     fn reachable(&self, vertex: u32, step: Vec3) -> Option<Vec3> {
         let (from, ring) = (self.position(vertex), self.rings.of(vertex));
         let reach_sq = ring.iter().fold(0.0_f32, |reach, face| {

@@ -7,9 +7,11 @@
 /// A face as one of its vertices sees it: the two others, counter-clockwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
-pub(super) struct Wing {
-    pub(super) next: u32,
-    pub(super) prev: u32,
+pub struct Wing {
+    /// The vertex after it.
+    pub next: u32,
+    /// The vertex before it.
+    pub prev: u32,
 }
 
 impl Wing {

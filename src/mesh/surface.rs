@@ -3,8 +3,8 @@
 use glam::{Vec3, Vec4};
 
 use super::{
-    Quadric,
     classify::{classify, is_end},
+    metric::{Candidate, Metric},
     ring::{Rings, Wing},
 };
 
@@ -45,7 +45,9 @@ impl State {
     }
 }
 
-/// What of a vertex its neighbours look at: position, and the value of its quadric there.
+/// What of a vertex its neighbours look at: position, and what the metric shows them.
+///
+/// By quadrics that is the value of the vertex's own at its place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot(pub(super) Vec4);
 
@@ -90,12 +92,12 @@ impl Color {
 }
 
 /// A piece of surface on its way between meshes: what of it is decided, and what is not.
-#[derive(Clone, Debug, Default)]
-pub struct Patch {
+#[derive(Clone, Debug)]
+pub struct Patch<M: Metric> {
     /// Positions by vertex.
     pub positions: Vec<Vec3>,
-    /// Quadrics by vertex.
-    pub quadrics: Vec<Quadric>,
+    /// What the metric remembers, by vertex; empty until it is scanned.
+    pub carried: Vec<M::Carried>,
     /// Colours by vertex; empty without colours.
     pub colors: Vec<Color>,
     /// Vertices that other patches have too, increasing.
@@ -108,11 +110,10 @@ pub struct Patch {
 }
 
 /// A triangle mesh that edges can be collapsed in. All arrays are by vertex.
-pub struct Mesh {
+pub struct Mesh<M: Metric> {
     pub(super) spots: Vec<Spot>,
     pub(super) rings: Rings,
-    /// Their values at the vertex are in the spots.
-    quadrics: Vec<Quadric>,
+    pub(super) held: Vec<M::Held>,
     pub(super) states: Vec<State>,
     /// Cost of the best collapse that removes the vertex, as far as it is known: never too large
     /// while its ring is as it was. [`UNKNOWN`] when it must be looked for, infinite when there is
@@ -124,90 +125,48 @@ pub struct Mesh {
     pub(super) faces_left: usize,
 }
 
-/// Weight of staying near, relative to the area of a face: decides where all is flat, and is lost
-/// beside any curvature. Chosen by hand.
-const POINT_WEIGHT: f32 = 1e-6;
-
-/// Weight of the plane that stands on a boundary edge, relative to the edge's squared length:
-/// the boundary should not move more than the surface. Chosen by hand.
-const BOUNDARY_WEIGHT: f32 = 4.0;
-
-impl Mesh {
-    /// Makes a mesh of a surface as it was scanned: quadrics are those of its own faces.
+impl<M: Metric> Mesh<M> {
+    /// Makes a mesh of a surface as it was scanned.
     #[must_use]
-    pub fn of_original(mut patch: Patch) -> Self {
-        patch.quadrics = vec![Quadric::default(); patch.positions.len()];
-        for corners in &patch.faces {
-            let [a, b, c] = corners.map(|v| patch.positions[v as usize]);
-            let n = (b - a).cross(c - a);
-            let length = n.length();
-            if length > 0.0 {
-                let mut quadric = Quadric::of_plane(n, 2.0 * length);
-                quadric.add_point(POINT_WEIGHT * length);
-                for v in corners {
-                    patch.quadrics[*v as usize].add_matrix(&quadric);
-                }
-            }
-        }
+    pub fn of_original(mut patch: Patch<M>) -> Self {
+        M::scan(&mut patch);
         let mut mesh = Self::of_decimated(patch);
         mesh.add_boundaries(0..mesh.states.len() as u32);
         mesh
     }
 
-    /// Adds boundary quadrics to those of these vertices that are on a boundary.
+    /// Tells the metric which of these vertices are on a boundary.
     fn add_boundaries(&mut self, vertices: impl Iterator<Item = u32>) {
         for vertex in vertices {
             if self.states[vertex as usize] == State::BOUNDARY {
-                self.add_boundary(vertex);
+                M::add_boundary(self, vertex);
             }
         }
     }
 
-    /// Makes a mesh of patches that have been decimated: quadrics are what the patches say.
+    /// Makes a mesh of patches that have been decimated: they say what is remembered.
     #[must_use]
-    pub fn of_decimated(patch: Patch) -> Self {
-        let Patch { positions, quadrics, colors, shared, joined, faces } = patch;
+    pub fn of_decimated(patch: Patch<M>) -> Self {
+        let Patch { positions, carried, colors, shared, joined, faces } = patch;
         let vertices = positions.len();
         let (rings, refused) = Rings::of_faces(vertices, &faces);
         let faces_left = faces.len() - refused;
         drop(faces);
-        let spot =
-            |(position, quadric): (&Vec3, &Quadric)| Spot(position.extend(quadric.at_vertex()));
-        let spots = positions.iter().zip(&quadrics).map(spot).collect();
+        let hold = |(position, carried): (&Vec3, &M::Carried)| {
+            let (held, shown) = M::hold(carried);
+            (Spot(position.extend(shown)), held)
+        };
+        let (spots, held) = positions.iter().zip(&carried).map(hold).unzip();
+        drop(carried);
         let mut states: Vec<State> =
             (0..vertices as u32).map(|vertex| classify(rings.of(vertex))).collect();
         for vertex in shared {
             states[vertex as usize] = states[vertex as usize].frozen();
         }
         let costs = vec![UNKNOWN; vertices];
-        let mut mesh = Self { spots, rings, quadrics, states, costs, colors, faces_left };
+        let mut mesh = Self { spots, rings, held, states, costs, colors, faces_left };
         mesh.add_boundaries(joined.into_iter());
         mesh
-    }
-
-    /// Adds the planes that stand on the boundary edges at `vertex`.
-    fn add_boundary(&mut self, vertex: u32) {
-        let p = self.position(vertex);
-        let ring = self.rings.of(vertex);
-        let mut sum = Quadric::default();
-        for wing in ring {
-            let (u, w) = (self.position(wing.next), self.position(wing.prev));
-            let n = (u - p).cross(w - p);
-            for (other, end) in [(wing.next, u), (wing.prev, w)] {
-                if !is_end(ring, other) {
-                    continue;
-                }
-                let edge = end - p;
-                let upright = edge.cross(n);
-                let length = upright.length();
-                if length > 0.0 {
-                    // The upright normal has the length |edge| |n|; scaled to |edge|, squared.
-                    let scale = length * length / (edge.length_squared() * BOUNDARY_WEIGHT);
-                    sum.add(&Quadric::of_plane(upright, scale));
-                }
-            }
-        }
-        self.quadrics[vertex as usize].add_matrix(&sum);
     }
 
     #[inline]
@@ -215,15 +174,10 @@ impl Mesh {
         self.spots[vertex as usize].position()
     }
 
-    /// Moves a vertex. Its quadric stays where it is: for the last step of all.
+    /// Moves a vertex, and nothing else.
     pub(super) fn move_to(&mut self, vertex: u32, position: Vec3) {
         let spot = &mut self.spots[vertex as usize];
         *spot = Spot(position.extend(spot.error()));
-    }
-
-    #[inline]
-    pub(super) fn quadric(&self, vertex: u32) -> Quadric {
-        self.quadrics[vertex as usize].with_value(self.spots[vertex as usize].error())
     }
 
     /// Whether the vertex is there and may be removed.
@@ -246,9 +200,11 @@ impl Mesh {
         left.filter(complex).count()
     }
 
-    /// Collapses `removed`, whose ring is given, into `kept`, and returns the faces that are gone.
+    /// Collapses `removed`, whose ring is given, into a neighbour, and returns the faces that are
+    /// gone.
     #[inline]
-    pub(super) fn collapse(&mut self, removed: u32, kept: u32, ring: &[Wing]) -> usize {
+    pub(super) fn collapse(&mut self, removed: u32, best: &Candidate, ring: &[Wing]) -> usize {
+        let kept = best.kept;
         let is_open = self.states[removed as usize] == State::BOUNDARY;
         // Each neighbour is the next of one face; only the end of an open fan is not.
         let end = ring.iter().map(|wing| wing.prev).filter(|prev| is_open && is_end(ring, *prev));
@@ -259,10 +215,7 @@ impl Mesh {
             }
         }
         let gone = self.rings.unite(removed, kept, ring);
-        let step = self.position(kept) - self.position(removed);
-        let moved = self.quadric(removed).moved(step);
-        self.quadrics[kept as usize].add_matrix(&moved);
-        self.spots[kept as usize].0.w += moved.at_vertex();
+        M::collapsed(self, removed, best, ring);
         if !self.colors.is_empty() {
             let color = self.colors[removed as usize];
             self.colors[kept as usize].add(&color);
@@ -274,7 +227,7 @@ impl Mesh {
     /// Takes what is left out of the mesh: vertices in their order, faces in that of their first
     /// vertices.
     #[must_use]
-    pub fn into_patch(self) -> Patch {
+    pub fn into_patch(self) -> Patch<M> {
         let mut patch = Patch::default();
         let mut old_to_new = vec![NONE; self.spots.len()];
         for vertex in 0..self.spots.len() as u32 {
@@ -284,7 +237,7 @@ impl Mesh {
             let new = patch.positions.len() as u32;
             old_to_new[vertex as usize] = new;
             patch.positions.push(self.position(vertex));
-            patch.quadrics.push(self.quadric(vertex));
+            patch.carried.push(M::carry(&self, vertex));
             patch.colors.extend(self.colors.get(vertex as usize));
             if self.states[vertex as usize].has(State::FROZEN) {
                 patch.shared.push(new);
@@ -303,9 +256,22 @@ impl Mesh {
     }
 }
 
-impl Patch {
+impl<M: Metric> Default for Patch<M> {
+    fn default() -> Self {
+        Self {
+            positions: Vec::new(),
+            carried: Vec::new(),
+            colors: Vec::new(),
+            shared: Vec::new(),
+            joined: Vec::new(),
+            faces: Vec::new(),
+        }
+    }
+}
+
+impl<M: Metric> Patch<M> {
     /// Joins patches to one: vertices that several share, found by their exact positions, become
-    /// one with the sum of their quadrics and colours, and are shared no more.
+    /// one with the sum of what they carry and of their colours, and are shared no more.
     #[must_use]
     pub fn join(patches: Vec<Self>) -> Self {
         let mut whole = Self::default();
@@ -321,7 +287,7 @@ impl Patch {
                     let known = *seams.entry(bits).or_insert(new);
                     if known != new {
                         old_to_new.push(known);
-                        whole.quadrics[known as usize].add(&patch.quadrics[index]);
+                        M::join(&mut whole.carried[known as usize], &patch.carried[index]);
                         if let Some(color) = patch.colors.get(index) {
                             whole.colors[known as usize].add(color);
                         }
@@ -331,7 +297,7 @@ impl Patch {
                 }
                 old_to_new.push(new);
                 whole.positions.push(*position);
-                whole.quadrics.push(patch.quadrics[index]);
+                whole.carried.push(patch.carried[index]);
                 whole.colors.extend(patch.colors.get(index));
             }
             let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
@@ -343,7 +309,7 @@ impl Patch {
     /// Bytes it takes in memory.
     #[must_use]
     pub fn size_bytes(&self) -> usize {
-        let vertex = size_of::<Vec3>() + size_of::<Quadric>();
+        let vertex = size_of::<Vec3>() + size_of::<M::Carried>();
         self.positions.len() * vertex
             + size_of_val(self.colors.as_slice())
             + size_of_val(self.faces.as_slice())

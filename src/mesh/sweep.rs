@@ -5,6 +5,7 @@
 //! blocks spreads the error as a global greedy decimation would.
 
 use super::{
+    metric::Metric,
     ring::Wing,
     surface::{Mesh, UNKNOWN},
 };
@@ -12,7 +13,7 @@ use super::{
 /// When to leave a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
-    /// No collapse costs this or more: area times squared distance.
+    /// No collapse costs this or more, in the unit of the metric.
     pub cost: f32,
     /// A block is not brought below this share of its vertices.
     pub share: f64,
@@ -23,10 +24,6 @@ pub struct Limit {
 /// Vertices of a block: with their rings and quadrics they fill a second-level cache of 1 MiB.
 const BLOCK_VERTICES: usize = 1 << 13;
 
-/// The threshold rises by this factor from sweep to sweep. On an iso-surface of 1 M triangles, a
-/// step of 1.6 is 15 % slower and less than 1 % better, one of 10 a little faster and 7 % worse.
-const STEP: f32 = 2.5;
-
 /// The first threshold of a block is above the costs of this share of its vertices.
 const FIRST_SHARE: usize = 4;
 
@@ -34,7 +31,7 @@ const FIRST_SHARE: usize = 4;
 const REST_SHARE: usize = 200;
 
 /// Decimates all blocks of a mesh to a limit.
-pub fn sweep_blocks(mesh: &mut Mesh, limit: &Limit) {
+pub fn sweep_blocks<M: Metric>(mesh: &mut Mesh<M>, limit: &Limit) {
     let mut block = Vec::with_capacity(BLOCK_VERTICES);
     let mut ring = Vec::new();
     let vertices = mesh.spots.len();
@@ -53,7 +50,12 @@ pub fn sweep_blocks(mesh: &mut Mesh, limit: &Limit) {
     }
 }
 
-fn sweep_block(mesh: &mut Mesh, block: &mut Vec<u32>, limit: &Limit, ring: &mut Vec<Wing>) {
+fn sweep_block<M: Metric>(
+    mesh: &mut Mesh<M>,
+    block: &mut Vec<u32>,
+    limit: &Limit,
+    ring: &mut Vec<Wing>,
+) {
     let least = (block.len() as f64 * limit.share) as usize;
     block.retain(|vertex| mesh.is_removable(*vertex));
     let mut threshold = first_threshold(mesh, block).min(limit.cost);
@@ -72,14 +74,14 @@ fn sweep_block(mesh: &mut Mesh, block: &mut Vec<u32>, limit: &Limit, ring: &mut 
         {
             return;
         }
-        threshold = (threshold * STEP).min(limit.cost);
+        threshold = (threshold * M::STEP).min(limit.cost);
     }
 }
 
 /// Collapses each vertex of the block that costs less than `threshold`, until `budget` vertices
 /// are gone or few enough faces are left.
-fn sweep(
-    mesh: &mut Mesh,
+fn sweep<M: Metric>(
+    mesh: &mut Mesh<M>,
     block: &[u32],
     threshold: f32,
     (budget, faces_least): (usize, usize),
@@ -91,7 +93,7 @@ fn sweep(
             continue;
         }
         let Some(best) = mesh.best_collapse(vertex, threshold, ring) else { continue };
-        mesh.collapse(vertex, best.kept, ring);
+        mesh.collapse(vertex, &best, ring);
         collapsed += 1;
         if collapsed >= budget || mesh.faces_left <= faces_least {
             break;
@@ -100,7 +102,7 @@ fn sweep(
     collapsed
 }
 
-impl Mesh {
+impl<M: Metric> Mesh<M> {
     /// The cost of removing a vertex, computed if need be.
     #[inline]
     pub(super) fn known_cost(&mut self, vertex: u32) -> f32 {
@@ -112,7 +114,7 @@ impl Mesh {
 }
 
 /// Computes the costs of a block that are not known, and returns a threshold to begin with.
-fn first_threshold(mesh: &mut Mesh, block: &[u32]) -> f32 {
+fn first_threshold<M: Metric>(mesh: &mut Mesh<M>, block: &[u32]) -> f32 {
     let mut costs = Vec::with_capacity(block.len());
     for &vertex in block {
         let cost = mesh.known_cost(vertex);

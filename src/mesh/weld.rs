@@ -2,13 +2,13 @@
 
 use glam::Vec3;
 
-use super::{Color, Patch, morton::morton_places, surface::NONE};
+use super::{Color, Metric, Patch, morton::morton_places, surface::NONE};
 use crate::soup::{Triangle, Vertex};
 
 /// What welding gives.
-pub struct Welded {
-    /// The surface, without quadrics; no vertex is shared yet.
-    pub patch: Patch,
+pub struct Welded<M: Metric> {
+    /// The surface, with nothing remembered; no vertex is shared yet.
+    pub patch: Patch<M>,
     /// Triangles left out because two of their corners are one vertex.
     pub degenerate: u64,
     /// Where to find vertices by position.
@@ -17,9 +17,9 @@ pub struct Welded {
 
 /// Welds triangles by exact position (−0 is +0). Faces keep the order of the triangles.
 #[must_use]
-pub fn weld<V: Vertex>(triangles: &[Triangle<V>]) -> Welded {
+pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
     let mut index = PositionIndex::with_room_for(triangles.len() / 2);
-    let mut patch = Patch::default();
+    let mut patch = Patch::<M>::default();
     let mut degenerate = 0;
     patch.faces.reserve(triangles.len());
     for triangle in triangles {
@@ -45,10 +45,10 @@ pub fn weld<V: Vertex>(triangles: &[Triangle<V>]) -> Welded {
     Welded { patch, degenerate, index }
 }
 
-impl Welded {
+impl<M: Metric> Welded<M> {
     /// The surface.
     #[must_use]
-    pub fn into_patch(self) -> Patch {
+    pub fn into_patch(self) -> Patch<M> {
         self.patch
     }
 
@@ -159,6 +159,7 @@ impl PositionIndex {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::ByQuadric;
     use crate::soup::{ColoredPoint, Point};
 
     #[test]
@@ -169,7 +170,7 @@ mod tests {
         let [p0, p1, p2, p3] =
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-0.0, 1.0, 0.0], [1.0, 1.0, -0.0]].map(Point);
         let also_p2 = Point([0.0, 1.0, 0.0]);
-        let welded = weld(&[
+        let welded = weld::<_, ByQuadric>(&[
             Triangle([p0, p1, p2]),
             Triangle([p1, p3, also_p2]),
             Triangle([p2, p0, also_p2]),
@@ -188,7 +189,7 @@ mod tests {
         let point = |i: u32| Point([i as f32, (i * 7 % 13) as f32, 0.5]);
         let triangles: Vec<Triangle<Point>> =
             (0..5000).map(|i| Triangle([point(i), point(i + 1), point(i + 2)])).collect();
-        let welded = weld(&triangles);
+        let welded = weld::<_, ByQuadric>(&triangles);
         assert_eq!(welded.patch.positions.len(), 5002);
         assert!((0..5002).all(|i| welded.find(point(i).0).is_some()));
     }
@@ -198,7 +199,7 @@ mod tests {
         let corner = |x, y, red| ColoredPoint { position: [x, y, 0.0], color: [red, 0, 0, 255] };
         let small = Triangle([corner(0.0, 0.0, 0), corner(1.0, 0.0, 0), corner(0.0, 1.0, 0)]);
         let large = Triangle([corner(0.0, 0.0, 100), corner(0.0, 3.0, 0), corner(-1.0, 0.0, 0)]);
-        let welded = weld(&[small, large]);
+        let welded = weld::<_, ByQuadric>(&[small, large]);
         let origin = welded.find([0.0; 3]).unwrap();
         assert_eq!(welded.patch.colors[origin as usize].mean(), [75, 0, 0, 255]);
     }

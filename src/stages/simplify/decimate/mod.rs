@@ -19,7 +19,7 @@ use cutter::{Cutter, Slab};
 
 use crate::{
     error::{Error, Result},
-    mesh::{self, Mesh, Patch},
+    mesh::{self, ByQuadric, Mesh, Metric, Patch},
     progress::{Meter, Monitor, StageId},
     soup::{Column, IndexedMesh, SweepAxis, Triangle, Triangles, Vertex},
     storage::{Reservation, Workspace},
@@ -112,9 +112,18 @@ pub fn decimate<V: Vertex>(
     monitor: &Monitor,
     feed: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<()>,
 ) -> Result<Outcome<V>> {
+    decimate_by::<V, ByQuadric>(config, workspace, monitor, feed)
+}
+
+fn decimate_by<V: Vertex, M: Metric>(
+    config: &Config,
+    workspace: &Workspace,
+    monitor: &Monitor,
+    feed: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<()>,
+) -> Result<Outcome<V>> {
     let (threads, room) = slab_room(config, workspace)?;
     let meter = monitor.meter(StageId::Decimate, Some(config.triangles));
-    let work = Work {
+    let work = Work::<M> {
         limit: mesh::Limit { cost: f32::INFINITY, share: config.share(), faces: 0 },
         meter: &meter,
         axis: config.axis,
@@ -147,7 +156,7 @@ pub fn decimate<V: Vertex>(
     done.slabs.sort_unstable_by_key(|slab| slab.index);
     drop(room);
     let degenerate = done.slabs.iter().map(|slab| slab.degenerate).sum();
-    let patches: Vec<Patch> = done.slabs.into_iter().map(|slab| slab.patch).collect();
+    let patches: Vec<Patch<M>> = done.slabs.into_iter().map(|slab| slab.patch).collect();
     finish(config, patches, workspace, monitor, (slabs, degenerate))
 }
 
@@ -168,21 +177,26 @@ fn slab_room(config: &Config, workspace: &Workspace) -> Result<(usize, Reservati
 }
 
 /// What the threads share.
-struct Work<'a> {
+struct Work<'a, M: Metric> {
     limit: mesh::Limit,
     axis: SweepAxis,
     meter: &'a Meter<'a>,
     under_way: AtomicUsize,
-    done: Mutex<Done>,
+    done: Mutex<Done<M>>,
 }
 
-#[derive(Default)]
-struct Done {
-    slabs: Vec<slab::Decimated>,
+struct Done<M: Metric> {
+    slabs: Vec<slab::Decimated<M>>,
     failure: Option<Error>,
 }
 
-impl Work<'_> {
+impl<M: Metric> Default for Done<M> {
+    fn default() -> Self {
+        Self { slabs: Vec::new(), failure: None }
+    }
+}
+
+impl<M: Metric> Work<'_, M> {
     fn run<V: Vertex>(&self, slab: Slab<V>) {
         let triangles = slab.triangles.len() as u64;
         let decimated = slab::decimate(slab, self.axis, &self.limit);
@@ -202,9 +216,9 @@ impl Work<'_> {
 }
 
 /// Joins what is left and brings it to the wanted count.
-fn finish<V: Vertex>(
+fn finish<V: Vertex, M: Metric>(
     config: &Config,
-    patches: Vec<Patch>,
+    patches: Vec<Patch<M>>,
     workspace: &Workspace,
     monitor: &Monitor,
     (slabs, degenerate): (u64, u64),
@@ -221,7 +235,7 @@ fn finish<V: Vertex>(
     monitor.check(StageId::Finish)?;
     let target = usize::try_from(config.triangles_target).unwrap_or(usize::MAX);
     let finished = mesh::finish(&mut mesh, target);
-    mesh::place(&mut mesh);
+    M::place(&mut mesh);
     meter.add(faces)?;
     meter.finish();
     let patch = mesh.into_patch();

@@ -2,20 +2,24 @@
 
 use super::cutter::Slab;
 use crate::{
-    mesh::{Limit, Mesh, Patch, sweep_blocks, weld},
+    mesh::{Limit, Mesh, Metric, Patch, sweep_blocks, weld},
     soup::{SweepAxis, SweepPlace, Vertex},
 };
 
 /// What is left of a slab.
-pub(super) struct Decimated {
+pub(super) struct Decimated<M: Metric> {
     pub(super) index: u64,
     /// Its frozen vertices are the shared ones.
-    pub(super) patch: Patch,
+    pub(super) patch: Patch<M>,
     pub(super) degenerate: u64,
 }
 
 /// Decimates a slab to `limit`; vertices that have faces in other slabs stay.
-pub(super) fn decimate<V: Vertex>(slab: Slab<V>, axis: SweepAxis, limit: &Limit) -> Decimated {
+pub(super) fn decimate<V: Vertex, M: Metric>(
+    slab: Slab<V>,
+    axis: SweepAxis,
+    limit: &Limit,
+) -> Decimated<M> {
     let Slab { index, triangles, front, until } = slab;
     let mut welded = weld(&triangles);
     drop(triangles);

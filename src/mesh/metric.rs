@@ -1,0 +1,52 @@
+//! What a decimation goes by: the interface between the collapses and their metrics.
+//!
+//! Metrics are chosen at compile time: each has its own copy of the sweeps. Whether a collapse is
+//! legal is no matter of theirs.
+
+use glam::Vec3;
+
+use super::{Mesh, Patch, ring::Wing};
+
+/// A collapse of an edge: one end is removed, the other kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// The end that is kept.
+    pub kept: u32,
+    /// What it costs, in the metric's own unit; not negative.
+    pub cost: f32,
+    /// Where the kept end will lie.
+    pub to: Vec3,
+}
+
+/// A metric: which collapse of a vertex is the cheapest, and what remains of the vertex.
+pub trait Metric: Sized + Send + Sync + 'static {
+    /// What a vertex carries from one mesh to the next.
+    type Carried: Copy + Default + Send;
+    /// What a vertex holds while its mesh is decimated.
+    type Held: Copy + Default + Send;
+
+    /// The threshold of costs rises by this factor from sweep to sweep.
+    const STEP: f32;
+    /// Whether kept vertices move, so that the faces around them must be looked at, too.
+    const MOVES_KEPT: bool;
+
+    /// Fills in what the vertices of a surface carry as it was scanned.
+    fn scan(patch: &mut Patch<Self>);
+    /// What a vertex holds of what it carried, and what its neighbours see of that.
+    fn hold(carried: &Self::Carried) -> (Self::Held, f32);
+    /// What a vertex carries on.
+    fn carry(mesh: &Mesh<Self>, vertex: u32) -> Self::Carried;
+    /// Adds what the same vertex carries from another patch.
+    fn join(sum: &mut Self::Carried, other: &Self::Carried);
+    /// Takes note that a vertex is on a boundary.
+    fn add_boundary(mesh: &mut Mesh<Self>, vertex: u32);
+    /// Computes what [`Self::cheapest`] of a vertex will look at.
+    fn prepare(mesh: &mut Mesh<Self>, vertex: u32);
+    /// The cheapest collapse that removes `vertex`, legal or not, except into some neighbours.
+    fn cheapest(mesh: &Mesh<Self>, vertex: u32, ring: &[Wing], except: &[u32])
+    -> Option<Candidate>;
+    /// Passes on what a vertex holds, after it has been collapsed; its ring is as it was.
+    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate, ring: &[Wing]);
+    /// Moves the vertices to their final places.
+    fn place(mesh: &mut Mesh<Self>);
+}
