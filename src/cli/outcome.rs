@@ -71,6 +71,9 @@ fn hint(error: &Error) -> Option<&'static str> {
             "name a folder on a larger disk with --temp-dir, or allow more --memory"
         }
         Error::Resource { what, .. } if what.contains("job") => "allow more --memory",
+        Error::Resource { what, .. } if what.contains("slab") => {
+            "allow more --memory, or simplify with --method cluster, which needs little"
+        }
         Error::FormatLimit { .. } => "choose a format without that limit: ply or soup",
         _ => return None,
     })

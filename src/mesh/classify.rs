@@ -11,11 +11,13 @@ pub(super) fn classify(ring: &[Wing]) -> State {
     if ring.is_empty() || ring.len() > RING_FACES_MAX {
         return State::COMPLEX;
     }
+    if is_closed(ring) {
+        return State::INNER;
+    }
     // An open fan is walked from its beginning: the face that none precedes.
     let begins = |wing: &&Wing| !ring.iter().any(|other| other.prev == wing.next);
     let first = ring.iter().find(begins);
-    let is_open = first.is_some();
-    let first = *first.unwrap_or(&ring[0]);
+    let Some(&first) = first else { return State::COMPLEX };
     let (mut at, mut walked) = (first, 1);
     loop {
         let mut following = ring.iter().filter(|other| other.next == at.prev);
@@ -27,12 +29,22 @@ pub(super) fn classify(ring: &[Wing]) -> State {
         }
         walked += 1;
     }
-    let is_closed = at.prev == first.next;
-    match (walked == ring.len(), is_open) {
-        (true, true) if !is_closed => State::BOUNDARY,
-        (true, false) if is_closed && ring.len() >= 3 => State::INNER,
-        _ => State::COMPLEX,
+    let is_fan = walked == ring.len() && at.prev != first.next;
+    if is_fan { State::BOUNDARY } else { State::COMPLEX }
+}
+
+/// Whether the faces, walked from one to the next, come round to the first after all of them: as
+/// those of nearly every vertex do.
+#[inline]
+fn is_closed(ring: &[Wing]) -> bool {
+    let mut at = ring[0];
+    for _ in 1..ring.len() {
+        match ring.iter().find(|other| other.next == at.prev) {
+            Some(next) if *next != ring[0] => at = *next,
+            _ => return false,
+        }
     }
+    ring.len() >= 3 && at.prev == ring[0].next
 }
 
 /// Whether the edge from a ring's centre to `vertex` has one face only.

@@ -120,7 +120,7 @@ fn has(ring: &[Wing], vertex: u32) -> bool {
 /// The third vertices of the ring's faces at `kept`: two of a closed fan, one of an open one.
 /// The same apex twice counts as none.
 #[inline]
-fn apexes(ring: &[Wing], kept: u32) -> [u32; 2] {
+pub(super) fn apexes(ring: &[Wing], kept: u32) -> [u32; 2] {
     let mut found = [NONE; 2];
     for wing in ring {
         if wing.next == kept {

@@ -52,13 +52,7 @@ const SAMPLE_VERTICES: usize = 1 << 14;
 /// The threshold at which about `aim` faces are left: as many vertices cost less now as must go,
 /// and since each collapse makes its neighbours dearer, only some of those will.
 fn guess_cost<M: Metric>(mesh: &mut Mesh<M>, aim: usize) -> f32 {
-    let mut costs = Vec::new();
-    let step = (mesh.spots.len() / SAMPLE_VERTICES).max(1);
-    for vertex in (0..mesh.spots.len() as u32).step_by(step) {
-        if mesh.is_removable(vertex) {
-            costs.push(mesh.known_cost(vertex));
-        }
-    }
+    let mut costs = mesh.sample_costs((mesh.spots.len() / SAMPLE_VERTICES).max(1));
     if costs.is_empty() {
         return f32::INFINITY;
     }
@@ -66,6 +60,17 @@ fn guess_cost<M: Metric>(mesh: &mut Mesh<M>, aim: usize) -> f32 {
     let rank = ((costs.len() as f64 * share) as usize).min(costs.len() - 1);
     let (_, cost, _) = costs.select_nth_unstable_by(rank, f32::total_cmp);
     *cost
+}
+
+impl<M: Metric> Mesh<M> {
+    /// What it costs to remove a vertex, for one of each `step` vertices; those that cannot be
+    /// removed are passed over.
+    #[must_use]
+    pub fn sample_costs(&mut self, step: usize) -> Vec<f32> {
+        let vertices = (0..self.spots.len() as u32).step_by(step);
+        let removable: Vec<u32> = vertices.filter(|vertex| self.is_removable(*vertex)).collect();
+        removable.into_iter().map(|vertex| self.known_cost(vertex)).collect()
+    }
 }
 
 /// Collapses the cheapest vertices until `faces` are left; `false` when none can be collapsed any

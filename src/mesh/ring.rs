@@ -128,28 +128,30 @@ impl Rings {
         self.counts[vertex as usize] = count as u16;
     }
 
-    /// Makes `kept` of `removed` in the ring of `vertex`; faces that have both are gone.
+    /// Makes `kept` of `removed` in the ring of `vertex`.
     #[inline]
     pub(super) fn rename(&mut self, vertex: u32, removed: u32, kept: u32) {
-        let ring = self.of_mut(vertex);
-        let mut left = 0;
-        for index in 0..ring.len() {
-            let mut wing = ring[index];
-            if wing.has(removed) {
-                if wing.has(kept) {
-                    continue;
-                }
-                if wing.next == removed {
-                    wing.next = kept;
-                } else {
-                    wing.prev = kept;
-                }
+        let other = |found: u32| if found == removed { kept } else { found };
+        let rename = |wing: Wing| Wing { next: other(wing.next), prev: other(wing.prev) };
+        if self.count(vertex) <= NEAR_FACES {
+            // What lies behind the count does not matter, and a whole line is a few instructions.
+            let line = &mut self.lines[vertex as usize].0;
+            *line = line.map(rename);
+        } else {
+            for wing in self.of_mut(vertex) {
+                *wing = rename(*wing);
             }
-            ring[left] = wing;
-            left += 1;
         }
-        if left < ring.len() {
-            self.truncate(vertex, left);
+    }
+
+    /// Forgets the face at `vertex` whose two other corners have become one.
+    #[inline]
+    pub(super) fn drop_folded(&mut self, vertex: u32) {
+        let ring = self.of_mut(vertex);
+        let last = ring.len() - 1;
+        if let Some(folded) = ring.iter().position(|wing| wing.next == wing.prev) {
+            ring[folded] = ring[last];
+            self.truncate(vertex, last);
         }
     }
 
@@ -193,6 +195,7 @@ mod tests {
             assert_eq!(rings.of(0), expected);
             for removed in 2..count {
                 rings.rename(0, removed, removed + 1);
+                rings.drop_folded(0);
                 assert_eq!(rings.count(0), (count - (removed - 1)) as usize);
                 assert!(!rings.of(0).iter().any(|wing| wing.has(removed)));
             }

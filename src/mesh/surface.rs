@@ -3,7 +3,9 @@
 use glam::{Vec3, Vec4};
 
 use super::{
+    Patch,
     classify::{classify, is_end},
+    collapse::apexes,
     metric::{Candidate, Metric},
     ring::{Rings, Wing},
 };
@@ -83,30 +85,12 @@ impl Color {
         self.rgba.map(|sum| (sum / weight).round().clamp(0.0, 255.0) as u8)
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         for (sum, term) in self.rgba.iter_mut().zip(other.rgba) {
             *sum += term;
         }
         self.weight += other.weight;
     }
-}
-
-/// A piece of surface on its way between meshes: what of it is decided, and what is not.
-#[derive(Clone, Debug)]
-pub struct Patch<M: Metric> {
-    /// Positions by vertex.
-    pub positions: Vec<Vec3>,
-    /// What the metric remembers, by vertex; empty until it is scanned.
-    pub carried: Vec<M::Carried>,
-    /// Colours by vertex; empty without colours.
-    pub colors: Vec<Color>,
-    /// Vertices that other patches have too, increasing.
-    pub shared: Vec<u32>,
-    /// Vertices that were shared until the patches were joined: nobody has seen yet whether they
-    /// are on a boundary.
-    pub joined: Vec<u32>,
-    /// Faces; every vertex has one.
-    pub faces: Vec<[u32; 3]>,
 }
 
 /// A triangle mesh that edges can be collapsed in. All arrays are by vertex.
@@ -214,6 +198,11 @@ impl<M: Metric> Mesh<M> {
                 self.rings.rename(other, removed, kept);
             }
         }
+        for apex in apexes(ring, kept) {
+            if apex != NONE {
+                self.rings.drop_folded(apex);
+            }
+        }
         let gone = self.rings.unite(removed, kept, ring);
         M::collapsed(self, removed, best, ring);
         if !self.colors.is_empty() {
@@ -228,7 +217,16 @@ impl<M: Metric> Mesh<M> {
     /// vertices.
     #[must_use]
     pub fn into_patch(self) -> Patch<M> {
-        let mut patch = Patch::default();
+        let vertices = 0..self.spots.len() as u32;
+        let left = vertices.filter(|vertex| self.rings.count(*vertex) > 0).count();
+        // Patches of many slabs wait at a time: no room to spare.
+        let mut patch = Patch {
+            positions: Vec::with_capacity(left),
+            carried: Vec::with_capacity(left),
+            colors: Vec::with_capacity(if self.colors.is_empty() { 0 } else { left }),
+            faces: Vec::with_capacity(self.faces_left),
+            ..Patch::default()
+        };
         let mut old_to_new = vec![NONE; self.spots.len()];
         for vertex in 0..self.spots.len() as u32 {
             if self.rings.count(vertex) == 0 {
@@ -243,7 +241,6 @@ impl<M: Metric> Mesh<M> {
                 patch.shared.push(new);
             }
         }
-        patch.faces.reserve(self.faces_left);
         for vertex in 0..self.spots.len() as u32 {
             let first = |wing: &&Wing| vertex < wing.next && vertex < wing.prev;
             for wing in self.rings.of(vertex).iter().filter(first) {
@@ -253,65 +250,5 @@ impl<M: Metric> Mesh<M> {
         }
         debug_assert_eq!(patch.faces.len(), self.faces_left, "every face is counted once");
         patch
-    }
-}
-
-impl<M: Metric> Default for Patch<M> {
-    fn default() -> Self {
-        Self {
-            positions: Vec::new(),
-            carried: Vec::new(),
-            colors: Vec::new(),
-            shared: Vec::new(),
-            joined: Vec::new(),
-            faces: Vec::new(),
-        }
-    }
-}
-
-impl<M: Metric> Patch<M> {
-    /// Joins patches to one: vertices that several share, found by their exact positions, become
-    /// one with the sum of what they carry and of their colours, and are shared no more.
-    #[must_use]
-    pub fn join(patches: Vec<Self>) -> Self {
-        let mut whole = Self::default();
-        let mut seams = hashbrown::HashMap::<[u32; 3], u32>::new();
-        let mut old_to_new = Vec::new();
-        for patch in patches {
-            old_to_new.clear();
-            let mut shared = patch.shared.iter().peekable();
-            for (index, position) in patch.positions.iter().enumerate() {
-                let new = whole.positions.len() as u32;
-                if shared.next_if(|vertex| **vertex == index as u32).is_some() {
-                    let bits = position.to_array().map(|c| (c + 0.0).to_bits());
-                    let known = *seams.entry(bits).or_insert(new);
-                    if known != new {
-                        old_to_new.push(known);
-                        M::join(&mut whole.carried[known as usize], &patch.carried[index]);
-                        if let Some(color) = patch.colors.get(index) {
-                            whole.colors[known as usize].add(color);
-                        }
-                        continue;
-                    }
-                    whole.joined.push(new);
-                }
-                old_to_new.push(new);
-                whole.positions.push(*position);
-                whole.carried.push(patch.carried[index]);
-                whole.colors.extend(patch.colors.get(index));
-            }
-            let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
-            whole.faces.extend(patch.faces.iter().map(renumber));
-        }
-        whole
-    }
-
-    /// Bytes it takes in memory.
-    #[must_use]
-    pub fn size_bytes(&self) -> usize {
-        let vertex = size_of::<Vec3>() + size_of::<M::Carried>();
-        self.positions.len() * vertex
-            + size_of_val(self.colors.as_slice())
-            + size_of_val(self.faces.as_slice())
     }
 }

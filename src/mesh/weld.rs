@@ -11,8 +11,10 @@ pub struct Welded<M: Metric> {
     pub patch: Patch<M>,
     /// Triangles left out because two of their corners are one vertex.
     pub degenerate: u64,
-    /// Where to find vertices by position.
+    /// Where to find vertices by position, as they were numbered first.
     index: PositionIndex,
+    /// From the first numbers to those of the patch.
+    places: Vec<u32>,
 }
 
 /// Welds triangles by exact position (−0 is +0). Faces keep the order of the triangles.
@@ -41,8 +43,7 @@ pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
     for face in &mut patch.faces {
         *face = face.map(|v| places[v as usize]);
     }
-    index.renumber(&places);
-    Welded { patch, degenerate, index }
+    Welded { patch, degenerate, index, places }
 }
 
 impl<M: Metric> Welded<M> {
@@ -55,7 +56,10 @@ impl<M: Metric> Welded<M> {
     /// The vertex at a position.
     #[must_use]
     pub fn find(&self, position: [f32; 3]) -> Option<u32> {
-        self.index.find(position, &self.patch.positions)
+        self.index.find(position, |vertex| {
+            let place = self.places[vertex as usize];
+            (place, self.patch.positions[place as usize])
+        })
     }
 }
 
@@ -84,7 +88,7 @@ fn reorder<T: Copy + Default>(values: &mut Vec<T>, places: &[u32]) {
     *values = ordered;
 }
 
-/// Vertices by position: open addressing, at most half full.
+/// Vertices by position: open addressing, at most three quarters full.
 struct PositionIndex {
     slots: Vec<u32>,
     count: usize,
@@ -92,7 +96,7 @@ struct PositionIndex {
 
 impl PositionIndex {
     fn with_room_for(vertices: usize) -> Self {
-        let slots = (2 * vertices).next_power_of_two().max(16);
+        let slots = (vertices / 2 * 3).next_power_of_two().max(16);
         Self { slots: vec![NONE; slots], count: 0 }
     }
 
@@ -111,18 +115,20 @@ impl PositionIndex {
         positions.push(position);
         self.slots[slot] = vertex;
         self.count += 1;
-        if 2 * self.count > self.slots.len() {
+        if 4 * self.count > 3 * self.slots.len() {
             self.grow(positions);
         }
         vertex
     }
 
-    fn find(&self, position: [f32; 3], positions: &[Vec3]) -> Option<u32> {
+    /// The vertex at a position; `look_up` gives its number and position by its first number.
+    fn find(&self, position: [f32; 3], look_up: impl Fn(u32) -> (u32, Vec3)) -> Option<u32> {
         let position = Vec3::from_array(position) + Vec3::ZERO;
         let mut slot = self.first_slot(position);
         while self.slots[slot] != NONE {
-            if positions[self.slots[slot] as usize] == position {
-                return Some(self.slots[slot]);
+            let (vertex, at) = look_up(self.slots[slot]);
+            if at == position {
+                return Some(vertex);
             }
             slot = (slot + 1) & (self.slots.len() - 1);
         }
@@ -146,12 +152,6 @@ impl PositionIndex {
                 slot = (slot + 1) & (self.slots.len() - 1);
             }
             self.slots[slot] = vertex as u32;
-        }
-    }
-
-    fn renumber(&mut self, places: &[u32]) {
-        for slot in self.slots.iter_mut().filter(|slot| **slot != NONE) {
-            *slot = places[*slot as usize];
         }
     }
 }

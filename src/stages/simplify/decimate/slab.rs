@@ -11,8 +11,17 @@ pub(super) struct Decimated<M: Metric> {
     pub(super) index: u64,
     /// Its frozen vertices are the shared ones.
     pub(super) patch: Patch<M>,
+    /// What it would cost to remove some of its vertices.
+    pub(super) costs: Vec<f32>,
+    /// As of the slab.
+    pub(super) front: Vec<[f32; 3]>,
+    /// As of the slab.
+    pub(super) until: Option<SweepPlace>,
     pub(super) degenerate: u64,
 }
+
+/// Of each so many vertices one is asked for its cost: a thousand of a slab.
+const COST_STEP: usize = 128;
 
 /// Decimates a slab to `limit`; vertices that have faces in other slabs stay.
 pub(super) fn decimate<V: Vertex, M: Metric>(
@@ -35,5 +44,6 @@ pub(super) fn decimate<V: Vertex, M: Metric>(
     welded.patch.shared = shared;
     let mut mesh = Mesh::of_original(welded.into_patch());
     sweep_blocks(&mut mesh, limit);
-    Decimated { index, patch: mesh.into_patch(), degenerate }
+    let costs = mesh.sample_costs(COST_STEP);
+    Decimated { index, patch: mesh.into_patch(), costs, front, until, degenerate }
 }

@@ -1,0 +1,122 @@
+//! Pieces of surface on their way between meshes, and joining them.
+
+use glam::Vec3;
+use hashbrown::HashMap;
+
+use super::{Color, metric::Metric};
+
+/// A piece of surface on its way between meshes: what of it is decided, and what is not.
+#[derive(Clone, Debug)]
+pub struct Patch<M: Metric> {
+    /// Positions by vertex.
+    pub positions: Vec<Vec3>,
+    /// What the metric remembers, by vertex; empty until it is scanned.
+    pub carried: Vec<M::Carried>,
+    /// Colours by vertex; empty without colours.
+    pub colors: Vec<Color>,
+    /// Vertices that other patches have too, increasing.
+    pub shared: Vec<u32>,
+    /// Vertices that were shared until the patches were joined: nobody has seen yet whether they
+    /// are on a boundary.
+    pub joined: Vec<u32>,
+    /// Faces; every vertex has one.
+    pub faces: Vec<[u32; 3]>,
+}
+
+impl<M: Metric> Default for Patch<M> {
+    fn default() -> Self {
+        Self {
+            positions: Vec::new(),
+            carried: Vec::new(),
+            colors: Vec::new(),
+            shared: Vec::new(),
+            joined: Vec::new(),
+            faces: Vec::new(),
+        }
+    }
+}
+
+impl<M: Metric> Patch<M> {
+    /// Joins patches to one: vertices that several share, found by their exact positions, become
+    /// one with the sum of what they carry and of their colours. Those that `is_shared` holds for by
+    /// position have faces in still other patches, and stay shared.
+    #[must_use]
+    pub fn join(patches: Vec<Self>, is_shared: impl Fn([f32; 3]) -> bool) -> Self {
+        let mut whole = Self::with_room_for(&patches);
+        let mut seams = HashMap::<[u32; 3], u32>::new();
+        let mut old_to_new = Vec::new();
+        for patch in patches {
+            old_to_new.clear();
+            let mut shared = patch.shared.iter().peekable();
+            for (index, position) in patch.positions.iter().enumerate() {
+                let new = whole.positions.len() as u32;
+                if shared.next_if(|vertex| **vertex == index as u32).is_some() {
+                    let bits = position.to_array().map(|c| (c + 0.0).to_bits());
+                    let known = *seams.entry(bits).or_insert(new);
+                    if known != new {
+                        old_to_new.push(known);
+                        whole.merge(known, &patch, index);
+                        continue;
+                    }
+                    let is_shared = is_shared(position.to_array());
+                    if is_shared { &mut whole.shared } else { &mut whole.joined }.push(new);
+                }
+                old_to_new.push(new);
+                whole.positions.push(*position);
+                whole.carried.push(patch.carried[index]);
+                whole.colors.extend(patch.colors.get(index));
+            }
+            let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
+            whole.faces.extend(patch.faces.iter().map(renumber));
+        }
+        whole
+    }
+
+    fn with_room_for(patches: &[Self]) -> Self {
+        let sum = |count: fn(&Self) -> usize| patches.iter().map(count).sum();
+        Self {
+            positions: Vec::with_capacity(sum(|patch| patch.positions.len())),
+            carried: Vec::with_capacity(sum(|patch| patch.carried.len())),
+            colors: Vec::with_capacity(sum(|patch| patch.colors.len())),
+            faces: Vec::with_capacity(sum(|patch| patch.faces.len())),
+            ..Self::default()
+        }
+    }
+
+    /// Adds what a vertex of another patch remembers to a vertex of this one.
+    fn merge(&mut self, vertex: u32, other: &Self, index: usize) {
+        M::join(&mut self.carried[vertex as usize], &other.carried[index]);
+        if let Some(color) = other.colors.get(index) {
+            self.colors[vertex as usize].add(color);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{ByQuadric, Quadric};
+
+    /// A face over three vertices, the first two of them shared.
+    fn patch(positions: [[f32; 3]; 3]) -> Patch<ByQuadric> {
+        Patch {
+            positions: positions.map(Vec3::from_array).to_vec(),
+            carried: vec![Quadric::default(); 3],
+            shared: vec![0, 1],
+            faces: vec![[0, 1, 2]],
+            ..Patch::default()
+        }
+    }
+
+    #[test]
+    fn shared_vertices_become_one_and_stay_shared_where_they_must() {
+        let (a, b, c) = ([0.0; 3], [0.0, 1.0, -0.0], [5.0, 0.0, 0.0]);
+        let left = patch([a, b, [-1.0, 0.0, 0.0]]);
+        let right = patch([[0.0, 1.0, 0.0], c, a]);
+        let whole = Patch::join(vec![left, right], |position| position == c);
+        // `a` is shared on the left only, so that it is not the same vertex.
+        assert_eq!(whole.positions.len(), 5);
+        assert_eq!(whole.faces, [[0, 1, 2], [1, 3, 4]]);
+        assert_eq!((whole.shared, whole.joined), (vec![3], vec![0, 1]));
+    }
+}
