@@ -10,7 +10,7 @@ use crate::{
             import::{Need, Outcome, Survey},
             presort::{self, Method, Order},
         },
-        simplify::decimate,
+        simplify::decimate::{self, Wanted},
     },
 };
 
@@ -51,8 +51,8 @@ impl Run<'_> {
             _ => presort::measure_order(&source, self.monitor)?,
         };
         let wanted = wanted(order.triangles).max(1);
-        let config =
-            decimate::Config { axis, triangles: order.triangles, triangles_target: wanted };
+        let triangles = Some(order.triangles);
+        let config = decimate::Config { axis, triangles, wanted: Wanted::Triangles(wanted) };
         let displacement_max = order.displacement_max[axis.index()];
         let sort = self.presort_config::<V>(axis, displacement_max, &config);
         let mut sorted = None;

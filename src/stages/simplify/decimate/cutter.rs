@@ -14,9 +14,16 @@ pub(super) struct Slab<V> {
     pub(super) until: Option<SweepPlace>,
 }
 
+/// A slab has so many triangles for each vertex of the front it begins with: few of its vertices
+/// are frozen then, however large the surface.
+const TRIANGLES_PER_FRONT: usize = 32;
+
 /// Takes triangles in the order of their places, and cuts them into slabs.
 pub(super) struct Cutter<V> {
     axis: SweepAxis,
+    /// Triangles of a slab, at least.
+    slab_triangles_min: usize,
+    /// Triangles of the slab being filled.
     slab_triangles: usize,
     slabs: u64,
     triangles: Vec<Triangle<V>>,
@@ -24,9 +31,17 @@ pub(super) struct Cutter<V> {
 }
 
 impl<V: Vertex> Cutter<V> {
-    pub(super) fn new(axis: SweepAxis, slab_triangles: usize) -> Self {
-        assert!(slab_triangles > 0, "a slab holds something");
-        Self { axis, slab_triangles, slabs: 0, triangles: Vec::new(), front: Vec::new() }
+    pub(super) fn new(axis: SweepAxis, slab_triangles_min: usize) -> Self {
+        assert!(slab_triangles_min > 0, "a slab holds something");
+        let slab_triangles = slab_triangles_min;
+        Self {
+            axis,
+            slab_triangles_min,
+            slab_triangles,
+            slabs: 0,
+            triangles: Vec::new(),
+            front: Vec::new(),
+        }
     }
 
     /// Adds triangles; whole slabs are passed to `start`.
@@ -60,6 +75,7 @@ impl<V: Vertex> Cutter<V> {
         next.extend(self.front.iter().filter(|position| is_open(position)));
         next.sort_unstable_by_key(|position| SweepPlace::of(*position, self.axis));
         next.dedup_by_key(|position| SweepPlace::of(*position, self.axis));
+        self.slab_triangles = self.slab_triangles_min.max(next.len() * TRIANGLES_PER_FRONT);
         let triangles = std::mem::take(&mut self.triangles);
         self.triangles.reserve(self.slab_triangles);
         let front = std::mem::replace(&mut self.front, next);
@@ -112,22 +128,23 @@ mod tests {
 
     #[test]
     fn slabs_are_cut_by_count_and_know_their_fronts() {
-        let triangles = strip(10);
+        let triangles = strip(150);
         let slabs = slabs_of(&[&triangles[..3], &triangles[3..]], 4);
         let counts: Vec<usize> = slabs.iter().map(|slab| slab.triangles.len()).collect();
-        assert_eq!(counts, [4, 4, 2]);
+        // The first knows of no front; a front of two vertices is worth 64 triangles.
+        assert_eq!(counts, [4, 64, 64, 18]);
         let first_coordinates = |slab: &Slab<Point>| slab.front.iter().map(|p| p[0]).collect();
         let fronts: Vec<Vec<f32>> = slabs.iter().map(first_coordinates).collect();
-        assert_eq!(fronts, [vec![], vec![4.0, 5.0], vec![8.0, 9.0]]);
+        assert_eq!(fronts, [vec![], vec![4.0, 5.0], vec![68.0, 69.0], vec![132.0, 133.0]]);
         assert_eq!(slabs[0].until, Some(SweepPlace::of([4.0, 0.0, 0.0], SweepAxis::X)));
-        assert_eq!(slabs[2].until, None);
+        assert_eq!(slabs[3].until, None);
     }
 
     #[test]
     fn a_vertex_stays_in_the_front_until_it_is_passed() {
         // One long triangle reaches over all the others.
-        let far = Point([100.0, 0.0, 0.0]);
-        let mut triangles = strip(9);
+        let far = Point([1000.0, 0.0, 0.0]);
+        let mut triangles = strip(300);
         triangles.insert(0, Triangle([Point([0.0; 3]), Point([0.0, 9.0, 0.0]), far]));
         let slabs = slabs_of(&[&triangles], 3);
         assert!(slabs[1..].iter().all(|slab| slab.front.contains(&far.0)));

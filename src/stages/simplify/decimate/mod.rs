@@ -11,9 +11,12 @@ mod cutter;
 mod groups;
 mod slab;
 
-use std::sync::{
-    Mutex, PoisonError,
-    atomic::{AtomicUsize, Ordering},
+use std::{
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
 };
 
 use cutter::{Cutter, Slab};
@@ -23,7 +26,7 @@ use crate::{
     mesh::{self, ByQuadric, Mesh, Metric, Patch},
     progress::{Meter, Monitor, StageId},
     soup::{Column, IndexedMesh, SweepAxis, Triangle, Triangles, Vertex},
-    storage::{Reservation, Workspace},
+    storage::{Budget, Reservation, Workspace},
 };
 
 /// What decimation needs to know.
@@ -31,16 +34,27 @@ use crate::{
 pub struct Config {
     /// The axis the stream is sorted along.
     pub axis: SweepAxis,
-    /// Triangles in the stream.
-    pub triangles: u64,
-    /// Triangles wanted.
-    pub triangles_target: u64,
+    /// Triangles in the stream, when known; a slab or so more does no harm.
+    pub triangles: Option<u64>,
+    /// How many are wanted.
+    pub wanted: Wanted,
+}
+
+/// How many triangles are wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wanted {
+    /// So many, of a stream whose length is known.
+    Triangles(u64),
+    /// This share of the stream.
+    Ratio(f64),
 }
 
 /// What decimation did.
 pub struct Outcome<V> {
     /// The result.
     pub mesh: IndexedMesh<V>,
+    /// Triangles that were wanted in the end.
+    pub triangles_target: u64,
     /// Slabs the stream was cut into.
     pub slabs: u64,
     /// Triangles left out because two of their corners were one point.
@@ -53,8 +67,8 @@ pub struct Outcome<V> {
 
 /// Triangles of a slab at least: large enough that few of its vertices lie on an interface.
 const SLAB_TRIANGLES_MIN: u64 = 1 << 18;
-/// Triangles of a slab, times the square root of all: an interface of a surface grows like this
-/// square root, so that the share of frozen vertices stays the same.
+/// Triangles of a slab, times the square root of all, as they turn out on a ball of gyroid: the
+/// front of a surface grows like this square root.
 const SLAB_ROOT_FACTOR: f64 = 80.0;
 
 /// A block keeps this many times its fair share of the wanted triangles, so that detailed blocks
@@ -70,39 +84,58 @@ const INTERFACE_FACTOR: u64 = 5;
 
 /// Bytes a triangle of a slab takes while the slab is decimated: itself, the weld, the mesh.
 const SLAB_BYTES_PER_TRIANGLE: u64 = 150;
+/// Bytes a triangle of the slab being filled takes.
+const FILLING_BYTES_PER_TRIANGLE: u64 = 48;
+/// What [`Error::Resource`] names when a slab does not fit.
+const SLAB: &str = "a slab of the mesh";
 /// What [`Error::Resource`] names when the last mesh does not fit.
 const REST: &str = "the mesh that slabs leave";
 /// Bytes a triangle takes between slabs and the last mesh, and in it.
 const REST_BYTES_PER_TRIANGLE: u64 = 110;
 
 impl Config {
-    /// Triangles of a slab.
+    /// Triangles of a slab, about.
     #[must_use]
     pub fn slab_triangles(&self) -> u64 {
-        SLAB_TRIANGLES_MIN.max(((self.triangles as f64).sqrt() * SLAB_ROOT_FACTOR) as u64)
+        let by_front = |triangles: u64| ((triangles as f64).sqrt() * SLAB_ROOT_FACTOR) as u64;
+        SLAB_TRIANGLES_MIN.max(self.triangles.map_or(0, by_front))
     }
 
     /// Share of its vertices that a block of a slab keeps.
     fn share(&self) -> f64 {
-        let ratio = self.triangles_target as f64 / self.triangles.max(1) as f64;
+        let ratio = match (self.wanted, self.triangles) {
+            (Wanted::Ratio(ratio), _) => ratio,
+            (Wanted::Triangles(wanted), Some(triangles)) => wanted as f64 / triangles.max(1) as f64,
+            (Wanted::Triangles(_), None) => 1.0,
+        };
         (ratio * SHARE_FACTOR + SHARE_EXTRA).min(1.0)
     }
 
-    /// Bytes of memory the slabs take on `threads` threads, at least with one at a time.
+    /// Bytes of memory the slabs take on `threads` threads, about.
     #[must_use]
     pub fn slab_bytes(&self, threads: u64) -> u64 {
+        let triangles = self.slab_triangles().min(self.triangles.unwrap_or(u64::MAX));
         // One more is being filled.
-        self.slab_triangles().min(self.triangles) * (threads * SLAB_BYTES_PER_TRIANGLE + 36)
+        triangles * (threads * SLAB_BYTES_PER_TRIANGLE + FILLING_BYTES_PER_TRIANGLE)
     }
 
-    /// Bytes of memory that what is left of all slabs takes, about.
+    /// Bytes of memory that what is left of all slabs takes, about; 0 when nothing is known.
     #[must_use]
     pub fn rest_bytes(&self) -> u64 {
+        let triangles = self.triangles.unwrap_or(0);
         // Interfaces keep all their vertices.
-        let interfaces = self.triangles / self.slab_triangles();
-        let at_interfaces = interfaces * INTERFACE_FACTOR * self.triangles.isqrt();
-        let inside = (self.triangles as f64 * self.share()) as u64;
-        (inside + at_interfaces).min(self.triangles) * REST_BYTES_PER_TRIANGLE
+        let interfaces = triangles / self.slab_triangles();
+        let at_interfaces = interfaces * INTERFACE_FACTOR * triangles.isqrt();
+        let inside = (triangles as f64 * self.share()) as u64;
+        (inside + at_interfaces).min(triangles) * REST_BYTES_PER_TRIANGLE
+    }
+
+    fn triangles_target(&self, triangles: u64) -> u64 {
+        let target = match self.wanted {
+            Wanted::Triangles(wanted) => wanted,
+            Wanted::Ratio(ratio) => (triangles as f64 * ratio).round() as u64,
+        };
+        target.max(1)
     }
 }
 
@@ -129,58 +162,41 @@ fn decimate_by<V: Vertex, M: Metric>(
     monitor: &Monitor,
     feed: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<()>,
 ) -> Result<Outcome<V>> {
-    let (threads, room) = slab_room(config, workspace)?;
-    let meter = monitor.meter(StageId::Decimate, Some(config.triangles));
+    let (needed_bytes, available_bytes) = (config.rest_bytes(), workspace.budget().limit_bytes());
+    if needed_bytes > available_bytes {
+        return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
+    }
+    let meter = monitor.meter(StageId::Decimate, config.triangles);
     let work = Work::<M> {
         limit: mesh::Limit { cost: f32::INFINITY, share: config.share(), faces: 0 },
         meter: &meter,
         axis: config.axis,
+        budget: workspace.budget(),
         under_way: AtomicUsize::new(0),
         done: Mutex::default(),
     };
-    let slabs = rayon::in_place_scope(|scope| {
-        let mut cutter = Cutter::new(config.axis, config.slab_triangles() as usize);
-        let mut slabs = 0;
+    rayon::in_place_scope(|scope| {
+        let mut cutter = Cutter::new(config.axis, SLAB_TRIANGLES_MIN as usize);
         let mut start = |slab: Slab<V>| {
-            slabs += 1;
+            let (room, is_alone) = work.admit(slab.triangles.len() as u64)?;
             // One slab for each other thread; this one reads, and works when all are busy.
-            if work.under_way.fetch_add(1, Ordering::AcqRel) + 1 < threads {
-                scope.spawn(|_| work.run(slab));
+            if is_alone {
+                work.run(slab, room);
             } else {
-                work.run(slab);
+                scope.spawn(|_| work.run(slab, room));
             }
             work.check()
         };
         feed(&mut |triangles| cutter.push(triangles, &mut start))?;
-        if let Some(last) = cutter.finish() {
-            start(last)?;
-        }
-        Ok::<_, Error>(slabs)
+        cutter.finish().map_or(Ok(()), start)
     })?;
     work.check()?;
     let Work { done, .. } = work;
+    let triangles = meter.done();
     meter.finish();
     let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
     done.slabs.sort_unstable_by_key(|slab| slab.index);
-    drop(room);
-    let degenerate = done.slabs.iter().map(|slab| slab.degenerate).sum();
-    finish(config, done.slabs, workspace, monitor, (slabs, degenerate))
-}
-
-/// Slabs that can be worked on at a time, and the memory for them.
-fn slab_room(config: &Config, workspace: &Workspace) -> Result<(usize, Reservation)> {
-    let budget = workspace.budget();
-    let (needed_bytes, available_bytes) = (config.rest_bytes(), budget.limit_bytes());
-    if needed_bytes > available_bytes {
-        return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
-    }
-    for threads in (1..=rayon::current_num_threads()).rev() {
-        if let Some(room) = budget.reserve(config.slab_bytes(threads as u64)) {
-            return Ok((threads, room));
-        }
-    }
-    let (needed_bytes, available_bytes) = (config.slab_bytes(1), budget.available_bytes());
-    Err(Error::Resource { what: "a slab of the mesh", needed_bytes, available_bytes })
+    finish(config.axis, done.slabs, config.triangles_target(triangles), (workspace, monitor))
 }
 
 /// What the threads share.
@@ -188,6 +204,7 @@ struct Work<'a, M: Metric> {
     limit: mesh::Limit,
     axis: SweepAxis,
     meter: &'a Meter<'a>,
+    budget: &'a Budget,
     under_way: AtomicUsize,
     done: Mutex<Done<M>>,
 }
@@ -204,7 +221,28 @@ impl<M: Metric> Default for Done<M> {
 }
 
 impl<M: Metric> Work<'_, M> {
-    fn run<V: Vertex>(&self, slab: Slab<V>) {
+    /// Finds memory for a slab of so many triangles, after others if need be, and says whether it
+    /// is to be worked on by the calling thread.
+    fn admit(&self, triangles: u64) -> Result<(Reservation, bool)> {
+        let bytes = triangles * (SLAB_BYTES_PER_TRIANGLE + FILLING_BYTES_PER_TRIANGLE);
+        loop {
+            let is_alone = self.under_way.load(Ordering::Acquire) == 0;
+            if let Some(room) = self.budget.reserve(bytes) {
+                let threads = rayon::current_num_threads();
+                let before = self.under_way.fetch_add(1, Ordering::AcqRel);
+                return Ok((room, before + 1 >= threads));
+            }
+            if is_alone {
+                let available_bytes = self.budget.available_bytes();
+                return Err(Error::Resource { what: SLAB, needed_bytes: bytes, available_bytes });
+            }
+            if rayon::yield_now().is_none_or(|done| done == rayon::Yield::Idle) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+    }
+
+    fn run<V: Vertex>(&self, slab: Slab<V>, room: Reservation) {
         let triangles = slab.triangles.len() as u64;
         let decimated = slab::decimate(slab, self.axis, &self.limit);
         let counted = self.meter.add(triangles);
@@ -213,6 +251,8 @@ impl<M: Metric> Work<'_, M> {
             Ok(()) => done.slabs.push(decimated),
             Err(cancelled) => done.failure = Some(cancelled.into()),
         }
+        drop(done);
+        drop(room);
         self.under_way.fetch_sub(1, Ordering::AcqRel);
     }
 
@@ -224,21 +264,22 @@ impl<M: Metric> Work<'_, M> {
 
 /// Joins what is left and brings it to the wanted count.
 fn finish<V: Vertex, M: Metric>(
-    config: &Config,
+    axis: SweepAxis,
     slabs: Vec<slab::Decimated<M>>,
-    workspace: &Workspace,
-    monitor: &Monitor,
-    (slab_count, degenerate): (u64, u64),
+    triangles_target: u64,
+    (workspace, monitor): (&Workspace, &Monitor),
 ) -> Result<Outcome<V>> {
     let faces: u64 = slabs.iter().map(|slab| slab.patch.faces.len() as u64).sum();
+    let degenerate = slabs.iter().map(|slab| slab.degenerate).sum();
+    let slab_count = slabs.len() as u64;
     let needed_bytes = faces * REST_BYTES_PER_TRIANGLE;
     let Some(_room) = workspace.budget().reserve(needed_bytes) else {
         let available_bytes = workspace.budget().available_bytes();
         return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
     };
     let meter = monitor.meter(StageId::Finish, Some(faces));
-    let target = usize::try_from(config.triangles_target).unwrap_or(usize::MAX);
-    let patches = groups::decimate(slabs, config.axis, target);
+    let target = usize::try_from(triangles_target).unwrap_or(usize::MAX);
+    let patches = groups::decimate(slabs, axis, target);
     monitor.check(StageId::Finish)?;
     let mut mesh = Mesh::of_decimated(Patch::join(patches, |_| false));
     let complex_vertices = mesh.complex_vertices() as u64;
@@ -255,6 +296,12 @@ fn finish<V: Vertex, M: Metric>(
         vertices: Column::Memory(vertices),
         triangles: Triangles::Memory(patch.faces),
     };
-    let is_stuck = finished.is_stuck;
-    Ok(Outcome { mesh, slabs: slab_count, degenerate, complex_vertices, is_stuck })
+    Ok(Outcome {
+        mesh,
+        triangles_target,
+        slabs: slab_count,
+        degenerate,
+        complex_vertices,
+        is_stuck: finished.is_stuck,
+    })
 }
