@@ -34,12 +34,16 @@ fn edges(whole: &Whole) -> (usize, usize, usize, usize) {
     )
 }
 
+/// Metrics, and what the command is told.
+const METRICS: [&str; 2] = ["--metric quadric", "--metric volume"];
+
 #[test]
 fn a_closed_surface_stays_closed_and_meets_the_count() {
     let folder = Folder::new();
     folder.done("generate sphere --triangles 20k -o in.ply");
-    for target in [5000, 501, 40] {
-        folder.done(&format!("simplify in.ply -o out.ply --force -t {target}"));
+    let targets = METRICS.iter().flat_map(|metric| [5000, 501, 40].map(|count| (metric, count)));
+    for (metric, target) in targets {
+        folder.done(&format!("simplify in.ply -o out.ply --force -t {target} {metric}"));
         let whole = read(&folder, "out.ply");
         // A closed surface has an even number of triangles.
         assert_eq!(whole.triangles().len(), target / 2 * 2);
@@ -50,13 +54,36 @@ fn a_closed_surface_stays_closed_and_meets_the_count() {
     }
 }
 
+/// What a closed surface encloses.
+fn volume(whole: &Whole) -> f64 {
+    let corner = |v: u64| whole.positions[v as usize].map(f64::from);
+    let parts = whole.triangles().into_iter().map(|face| {
+        let [[a, b, c], [d, e, f], [g, h, i]] = face.map(corner);
+        (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) / 6.0
+    });
+    parts.sum()
+}
+
+#[test]
+fn the_metric_of_volumes_keeps_the_volume() {
+    let folder = Folder::new();
+    for (kind, triangles) in [("sphere", "20k"), ("gyroid", "400k")] {
+        folder.done(&format!("generate {kind} --triangles {triangles} -o in.ply --force"));
+        let before = volume(&read(&folder, "in.ply"));
+        folder.done("simplify in.ply -o out.ply --force --ratio 5% --metric volume");
+        let after = volume(&read(&folder, "out.ply"));
+        assert!((after - before).abs() < 1e-4 * before.abs(), "{kind}: {before} {after}");
+    }
+}
+
 #[test]
 fn a_boundary_stays_where_it_is_and_any_count_is_met() {
     let folder = Folder::new();
     let surface = Surface::hills(120);
     folder.write("in.ply", surface.bytes(Format::Ply));
-    for target in [4001, 4000, 333] {
-        folder.done(&format!("simplify in.ply -o out.ply --force -t {target}"));
+    let targets = METRICS.iter().flat_map(|metric| [4001, 4000, 333].map(|count| (metric, count)));
+    for (metric, target) in targets {
+        folder.done(&format!("simplify in.ply -o out.ply --force -t {target} {metric}"));
         let whole = read(&folder, "out.ply");
         assert_eq!(whole.triangles().len(), target);
         let (open, _, more, twisted) = edges(&whole);
@@ -81,16 +108,22 @@ fn the_bytes_are_the_same_for_any_order_threads_and_memory() {
     // Three slabs.
     folder.done("generate gyroid --triangles 700k -o in.ply");
     folder.done("soup in.ply -o in.stl");
-    folder.done("simplify in.ply -o one.ply --ratio 5% -j 1 --memory 1GiB");
-    let expected = folder.read("one.ply");
-    for (name, options) in [
-        ("in.ply", "-j 2 --memory 1GiB"),
-        ("in.ply", "-j 3 --memory 160MiB"),
-        ("in.stl", "-j 2 --memory 128MiB"),
-    ] {
-        folder.done(&format!("simplify {name} -o two.ply --force --ratio 5% {options}"));
-        assert!(folder.read("two.ply") == expected, "{name} {options}");
+    for metric in METRICS.iter().rev() {
+        let options = format!("--ratio 5% --force {metric}");
+        folder.done(&format!("simplify in.ply -o one.ply {options} -j 1 --memory 1GiB"));
+        let expected = folder.read("one.ply");
+        for (name, means) in [
+            ("in.ply", "-j 2 --memory 1GiB"),
+            ("in.ply", "-j 3 --memory 160MiB"),
+            ("in.stl", "-j 2 --memory 128MiB"),
+        ] {
+            folder.done(&format!("simplify {name} -o two.ply {options} {means}"));
+            assert!(folder.read("two.ply") == expected, "{name} {metric} {means}");
+        }
+        let (open, _, more, twisted) = edges(&read(&folder, "two.ply"));
+        assert_eq!((open, more, twisted), (0, 0, 0), "no seam between slabs: {metric}");
     }
+    let expected = folder.read("one.ply");
     let mut stl = folder.read("in.stl");
     Dice(7).shuffle(stl[84..].as_chunks_mut::<50>().0);
     folder.write("shuffled.stl", stl);
@@ -107,8 +140,13 @@ fn colours_travel_with_their_vertices() {
     let color = |[x, y, _]: &[f32; 3]| [(x * 255.0) as u8, (y * 255.0) as u8, 128, 255];
     surface.colors = surface.vertices.iter().map(color).collect();
     folder.write("in.ply", surface.bytes(Format::Ply));
-    folder.done("simplify in.ply -o out.ply --ratio 20%");
-    let whole = read(&folder, "out.ply");
+    for metric in METRICS {
+        folder.done(&format!("simplify in.ply -o out.ply --force --ratio 20% {metric}"));
+        assert_colors_are_near(&surface, &read(&folder, "out.ply"));
+    }
+}
+
+fn assert_colors_are_near(surface: &Surface, whole: &Whole) {
     assert_eq!(whole.colors.len(), whole.positions.len());
     // Each colour lies near that of the nearest original vertex.
     let mut far = 0;
@@ -140,12 +178,16 @@ fn what_is_no_manifold_is_left_alone_and_counted() {
         surface.triangles.extend([[first, p, first + 1], [first + 1, p, q]]);
     }
     folder.write("in.ply", surface.bytes(Format::Ply));
-    folder.done("simplify in.ply -o out.ply -t 200 --report out.json");
-    let whole = read(&folder, "out.ply");
-    assert_eq!(whole.triangles().len(), 200);
-    assert_eq!(edges(&whole).2, 1, "the edge with three faces is still there");
-    let report: serde_json::Value = serde_json::from_slice(&folder.read("out.json")).unwrap();
-    assert_eq!(report["decimate"]["complex_vertices"], 2);
+    for metric in METRICS {
+        let options = format!("--force -t 200 --report out.json {metric}");
+        folder.done(&format!("simplify in.ply -o out.ply {options}"));
+        let whole = read(&folder, "out.ply");
+        assert_eq!(whole.triangles().len(), 200);
+        assert_eq!(edges(&whole).2, 1, "the edge with three faces is still there");
+        let report: serde_json::Value = serde_json::from_slice(&folder.read("out.json")).unwrap();
+        assert_eq!(report["decimate"]["complex_vertices"], 2);
+        assert_eq!(report["decimate"]["metric"], metric.split_once(' ').unwrap().1);
+    }
 }
 
 #[test]

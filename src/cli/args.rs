@@ -59,6 +59,10 @@ pub(super) struct Simplify {
     #[arg(long, value_enum, default_value_t = Method::Auto)]
     pub(super) method: Method,
 
+    /// Edge collapses: what decides which edges go, and where their ends meet; see each below
+    #[arg(long, value_enum, default_value_t = Metric::Quadric)]
+    pub(super) metric: Metric,
+
     /// Clustering: weight of edges against faces in placing a vertex, 0 to 1; 0 lets boundaries
     /// shrink
     #[arg(long, value_name = "W", value_parser = values::share, default_value = "0.5")]
@@ -102,6 +106,15 @@ pub(super) enum Method {
     Stream,
     /// Vertex clustering: fastest, in the least memory, counts within 25 %
     Cluster,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Metric {
+    /// Distances from the planes of the original faces: the fastest, and it keeps edges sharp
+    Quadric,
+    /// The volume each collapse sweeps over, which it keeps: closer to smooth and scanned surfaces,
+    /// at less than the speed
+    Volume,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

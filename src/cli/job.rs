@@ -13,7 +13,8 @@ use meshmill::{
 };
 
 use super::args::{
-    Axis, Convert, Goal, Info, Inputs, Machine, Method, OnDefect, Output, Placement, Simplify, Sort,
+    Axis, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect, Output, Placement,
+    Simplify, Sort,
 };
 
 /// What the machine offers.
@@ -48,8 +49,12 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         Method::Stream => pipeline::Method::Stream,
         Method::Cluster => pipeline::Method::Cluster,
     };
+    let metric = match args.metric {
+        Metric::Quadric => pipeline::Metric::Quadric,
+        Metric::Volume => pipeline::Metric::Volume,
+    };
     let (goal, boundary_weight) = (goal(&args.goal), args.boundary_weight);
-    let simplify = pipeline::Simplify { goal, method, boundary_weight, placement };
+    let simplify = pipeline::Simplify { goal, method, metric, boundary_weight, placement };
     convert(&args.convert, Task::Simplify(simplify), host)
 }
 

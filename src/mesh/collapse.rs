@@ -64,6 +64,10 @@ impl<M: Metric> Mesh<M> {
         if shared != if is_inner { 2 } else { 1 } {
             return false;
         }
+        // The last face of a piece of surface.
+        if ring.len() == 1 && self.rings.count(kept) == 1 {
+            return false;
+        }
         if self.states[kept as usize].has(State::FROZEN)
             && !self.is_alone_frozen(ring, kept, apexes)
         {

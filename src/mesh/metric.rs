@@ -27,6 +27,8 @@ pub trait Metric: Sized + Send + Sync + 'static {
 
     /// The threshold of costs rises by this factor from sweep to sweep.
     const STEP: f32;
+    /// The first threshold of a block is above the costs of one in so many of its vertices.
+    const FIRST_SHARE: usize;
     /// Whether kept vertices move, so that the faces around them must be looked at, too.
     const MOVES_KEPT: bool;
 
@@ -45,8 +47,8 @@ pub trait Metric: Sized + Send + Sync + 'static {
     /// The cheapest collapse that removes `vertex`, legal or not, except into some neighbours.
     fn cheapest(mesh: &Mesh<Self>, vertex: u32, ring: &[Wing], except: &[u32])
     -> Option<Candidate>;
-    /// Passes on what a vertex holds, after it has been collapsed; its ring is as it was.
-    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate, ring: &[Wing]);
+    /// Passes on what a vertex holds, after it has been collapsed and is in no ring.
+    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate);
     /// Moves the vertices to their final places.
     fn place(mesh: &mut Mesh<Self>);
 }

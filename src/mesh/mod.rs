@@ -4,6 +4,7 @@
 //! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know. What a collapse costs is the matter of a [`Metric`].
 
 mod by_quadric;
+mod by_volume;
 mod classify;
 mod collapse;
 mod finish;
@@ -15,12 +16,17 @@ mod quadric;
 mod ring;
 mod surface;
 mod sweep;
+mod volume;
+mod volume_boundary;
+#[cfg(test)]
+mod volume_tests;
 mod weld;
 
 pub use by_quadric::ByQuadric;
+pub use by_volume::ByVolume;
 pub use finish::{Finished, finish};
 pub use metric::Metric;
-pub use patch::Patch;
+pub use patch::{Patch, unit_of};
 pub use quadric::Quadric;
 pub use surface::{Color, Mesh, State};
 pub use sweep::{Limit, sweep_blocks};

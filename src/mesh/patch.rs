@@ -4,6 +4,7 @@ use glam::Vec3;
 use hashbrown::HashMap;
 
 use super::{Color, metric::Metric};
+use crate::soup::{Triangle, Vertex};
 
 /// A piece of surface on its way between meshes: what of it is decided, and what is not.
 #[derive(Clone, Debug)]
@@ -21,6 +22,9 @@ pub struct Patch<M: Metric> {
     pub joined: Vec<u32>,
     /// Faces; every vertex has one.
     pub faces: Vec<[u32; 3]>,
+    /// A power of two that makes edges about one long: what costs are in units of. The same for
+    /// all patches of a surface.
+    pub unit: f32,
 }
 
 impl<M: Metric> Default for Patch<M> {
@@ -32,8 +36,21 @@ impl<M: Metric> Default for Patch<M> {
             shared: Vec::new(),
             joined: Vec::new(),
             faces: Vec::new(),
+            unit: 1.0,
         }
     }
+}
+
+/// [`Patch::unit`] by the edges of some triangles.
+#[must_use]
+pub fn unit_of<V: Vertex>(triangles: &[Triangle<V>]) -> f32 {
+    let edge = |triangle: &Triangle<V>| {
+        let [a, b, _] = triangle.0.map(|v| Vec3::from_array(v.position()).as_dvec3());
+        a.distance(b)
+    };
+    let mean = triangles.iter().map(edge).sum::<f64>() / triangles.len() as f64;
+    let unit = (-mean.log2().round()).exp2() as f32;
+    if unit.is_normal() { unit } else { 1.0 }
 }
 
 impl<M: Metric> Patch<M> {
@@ -79,6 +96,7 @@ impl<M: Metric> Patch<M> {
             carried: Vec::with_capacity(sum(|patch| patch.carried.len())),
             colors: Vec::with_capacity(sum(|patch| patch.colors.len())),
             faces: Vec::with_capacity(sum(|patch| patch.faces.len())),
+            unit: patches.first().map_or(1.0, |patch| patch.unit),
             ..Self::default()
         }
     }

@@ -107,6 +107,8 @@ pub struct Mesh<M: Metric> {
     colors: Vec<Color>,
     /// Faces that are left.
     pub(super) faces_left: usize,
+    /// As [`Patch::unit`].
+    pub(super) unit: f32,
 }
 
 impl<M: Metric> Mesh<M> {
@@ -131,7 +133,7 @@ impl<M: Metric> Mesh<M> {
     /// Makes a mesh of patches that have been decimated: they say what is remembered.
     #[must_use]
     pub fn of_decimated(patch: Patch<M>) -> Self {
-        let Patch { positions, carried, colors, shared, joined, faces } = patch;
+        let Patch { positions, carried, colors, shared, joined, faces, unit } = patch;
         let vertices = positions.len();
         let (rings, refused) = Rings::of_faces(vertices, &faces);
         let faces_left = faces.len() - refused;
@@ -148,7 +150,7 @@ impl<M: Metric> Mesh<M> {
             states[vertex as usize] = states[vertex as usize].frozen();
         }
         let costs = vec![UNKNOWN; vertices];
-        let mut mesh = Self { spots, rings, held, states, costs, colors, faces_left };
+        let mut mesh = Self { spots, rings, held, states, costs, colors, faces_left, unit };
         mesh.add_boundaries(joined.into_iter());
         mesh
     }
@@ -204,7 +206,7 @@ impl<M: Metric> Mesh<M> {
             }
         }
         let gone = self.rings.unite(removed, kept, ring);
-        M::collapsed(self, removed, best, ring);
+        M::collapsed(self, removed, best);
         if !self.colors.is_empty() {
             let color = self.colors[removed as usize];
             self.colors[kept as usize].add(&color);
@@ -225,6 +227,7 @@ impl<M: Metric> Mesh<M> {
             carried: Vec::with_capacity(left),
             colors: Vec::with_capacity(if self.colors.is_empty() { 0 } else { left }),
             faces: Vec::with_capacity(self.faces_left),
+            unit: self.unit,
             ..Patch::default()
         };
         let mut old_to_new = vec![NONE; self.spots.len()];

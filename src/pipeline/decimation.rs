@@ -42,6 +42,7 @@ impl Run<'_> {
     pub(super) fn decimate_to_goal<V: Vertex>(
         &self,
         inputs: Vec<OpenInput>,
+        metric: decimate::Metric,
         wanted: impl FnOnce(u64) -> u64,
     ) -> Result<Decimated<V>> {
         let Outcome { source, survey } = self.import::<V>(inputs, Need::Order)?;
@@ -52,7 +53,8 @@ impl Run<'_> {
         };
         let wanted = wanted(order.triangles).max(1);
         let triangles = Some(order.triangles);
-        let config = decimate::Config { axis, triangles, wanted: Wanted::Triangles(wanted) };
+        let config =
+            decimate::Config { axis, triangles, wanted: Wanted::Triangles(wanted), metric };
         let displacement_max = order.displacement_max[axis.index()];
         let sort = self.presort_config::<V>(axis, displacement_max, &config);
         let mut sorted = None;
@@ -65,6 +67,7 @@ impl Run<'_> {
         })?;
         let sorted = sorted.expect("decimation has fed itself");
         let report = DecimateReport {
+            metric: metric.name(),
             axis: axis.name(),
             displacement_max,
             sorted_on_disk: sorted.on_disk,

@@ -6,7 +6,7 @@ use crate::{
     formats::{Compression, Format, OnDefect},
     geometry::Placement,
     soup::{InputPath, SweepAxis},
-    stages::convert::export::Target,
+    stages::{convert::export::Target, simplify::decimate::Metric},
 };
 
 /// One job.
@@ -62,6 +62,8 @@ pub struct Simplify {
     pub goal: Goal,
     /// By what.
     pub method: Method,
+    /// Decimation: what it goes by.
+    pub metric: Metric,
     /// Clustering: share of edge quadrics, 0 to 1.
     pub boundary_weight: f64,
     /// Clustering: where representatives may lie in their cells.

@@ -9,6 +9,7 @@ mod report;
 mod run;
 mod sort;
 
+pub use crate::stages::simplify::decimate::Metric;
 pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
 pub use job::{Goal, Job, Method, Simplify, Sort, Task};
 pub use plan::{InputFacts, Plan, PlannedStage, plan};

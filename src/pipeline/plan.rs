@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Goal, Job, Task, sort};
+use super::{Goal, Job, Simplify, Task, sort};
 use crate::{
     error::{Error, Result},
     formats::{Compression, Declared, Format},
@@ -147,7 +147,7 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         Task::Simplify(simplify) if simplify.is_clustering() => {
             plan_clustering(job, simplify.goal, sizes, &mut plan);
         }
-        Task::Simplify(simplify) => plan_decimation(simplify.goal, sizes, &mut plan),
+        Task::Simplify(simplify) => plan_decimation(simplify, sizes, &mut plan),
         Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
         Task::Soup => {}
@@ -260,13 +260,16 @@ fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
     plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
 }
 
-fn plan_decimation(goal: Goal, sizes: Sizes, plan: &mut Plan) {
-    let wanted = plan.records.and_then(|count| goal.triangles_wanted(count));
+fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
+    let wanted = plan.records.and_then(|count| simplify.goal.triangles_wanted(count));
     if plan.vertices.is_some_and(|count| count > 0) {
         plan.stage(StageId::Measure, "measure how far the triangles are from sorted".to_owned());
     }
     plan.stage(StageId::Sort, "put the triangles in the order of a sweep".to_owned());
-    plan.stage(StageId::Decimate, "collapse edges, slab by slab".to_owned());
+    plan.stage(
+        StageId::Decimate,
+        format!("collapse edges by {}, slab by slab", simplify.metric.name()),
+    );
     plan.stage(StageId::Finish, "join the slabs, meet the count, place the vertices".to_owned());
     let colored = sizes.vertex > size_of::<Point>() as u64;
     let disk_bytes = presort::disk_bytes_per_triangle(colored);

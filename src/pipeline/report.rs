@@ -99,6 +99,8 @@ pub struct SortReport {
 /// How decimation went.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct DecimateReport {
+    /// `quadric` or `volume`.
+    pub metric: &'static str,
     /// The sweep axis.
     pub axis: &'static str,
     /// How many triangles the worst one was late along that axis.

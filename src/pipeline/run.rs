@@ -3,7 +3,7 @@
 use std::{path::Path, time::Instant};
 
 use super::{
-    BoundsReport, Goal, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
+    BoundsReport, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
     attempts::Clustered,
     decimation::Decimated,
     plan::{check_request, plan},
@@ -183,17 +183,17 @@ impl Run<'_> {
         if simplify.is_clustering() {
             self.simplify_by_clustering::<V>(inputs, simplify)
         } else {
-            self.simplify_by_decimation::<V>(inputs, simplify.goal)
+            self.simplify_by_decimation::<V>(inputs, simplify)
         }
     }
 
     fn simplify_by_decimation<V: Vertex>(
         &self,
         inputs: Vec<OpenInput>,
-        goal: Goal,
+        simplify: &Simplify,
     ) -> Result<Report> {
-        let wanted = |triangles| goal.triangles_wanted(triangles).unwrap_or(triangles);
-        let decimated = self.decimate_to_goal::<V>(inputs, wanted)?;
+        let wanted = |triangles| simplify.goal.triangles_wanted(triangles).unwrap_or(triangles);
+        let decimated = self.decimate_to_goal::<V>(inputs, simplify.metric, wanted)?;
         let mut report = report_input(&decimated.survey, decimated.triangles_in);
         report.reached_target = Some(decimated.is_met());
         report.stopped_by = Some(if decimated.is_met() { "target" } else { "topology" });

@@ -23,7 +23,7 @@ use cutter::{Cutter, Slab};
 
 use crate::{
     error::{Error, Result},
-    mesh::{self, ByQuadric, Mesh, Metric, Patch},
+    mesh::{self, ByQuadric, ByVolume, Mesh, Patch},
     progress::{Meter, Monitor, StageId},
     soup::{Column, IndexedMesh, SweepAxis, Triangle, Triangles, Vertex},
     storage::{Budget, Reservation, Workspace},
@@ -38,6 +38,8 @@ pub struct Config {
     pub triangles: Option<u64>,
     /// How many are wanted.
     pub wanted: Wanted,
+    /// What decides which edges are collapsed, and where to.
+    pub metric: Metric,
 }
 
 /// How many triangles are wanted.
@@ -47,6 +49,26 @@ pub enum Wanted {
     Triangles(u64),
     /// This share of the stream.
     Ratio(f64),
+}
+
+/// What decimation goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    /// Error quadrics: distances from the surface as it was `[GH97, WK03]`. The faster one.
+    Quadric,
+    /// Volumes: what each collapse sweeps over, keeping the volume `[LT98]`. The more faithful.
+    Volume,
+}
+
+impl Metric {
+    /// Its name, as on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quadric => "quadric",
+            Self::Volume => "volume",
+        }
+    }
 }
 
 /// What decimation did.
@@ -153,10 +175,13 @@ pub fn decimate<V: Vertex>(
     monitor: &Monitor,
     feed: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<()>,
 ) -> Result<Outcome<V>> {
-    decimate_by::<V, ByQuadric>(config, workspace, monitor, feed)
+    match config.metric {
+        Metric::Quadric => decimate_by::<V, ByQuadric>(config, workspace, monitor, feed),
+        Metric::Volume => decimate_by::<V, ByVolume>(config, workspace, monitor, feed),
+    }
 }
 
-fn decimate_by<V: Vertex, M: Metric>(
+fn decimate_by<V: Vertex, M: mesh::Metric>(
     config: &Config,
     workspace: &Workspace,
     monitor: &Monitor,
@@ -177,13 +202,15 @@ fn decimate_by<V: Vertex, M: Metric>(
     };
     rayon::in_place_scope(|scope| {
         let mut cutter = Cutter::new(config.axis, SLAB_TRIANGLES_MIN as usize);
+        let (mut unit, work) = (None, &work);
         let mut start = |slab: Slab<V>| {
+            let unit = *unit.get_or_insert_with(|| mesh::unit_of(&slab.triangles));
             let (room, is_alone) = work.admit(slab.triangles.len() as u64)?;
             // One slab for each other thread; this one reads, and works when all are busy.
             if is_alone {
-                work.run(slab, room);
+                work.run(slab, unit, room);
             } else {
-                scope.spawn(|_| work.run(slab, room));
+                scope.spawn(move |_| work.run(slab, unit, room));
             }
             work.check()
         };
@@ -200,7 +227,7 @@ fn decimate_by<V: Vertex, M: Metric>(
 }
 
 /// What the threads share.
-struct Work<'a, M: Metric> {
+struct Work<'a, M: mesh::Metric> {
     limit: mesh::Limit,
     axis: SweepAxis,
     meter: &'a Meter<'a>,
@@ -209,18 +236,18 @@ struct Work<'a, M: Metric> {
     done: Mutex<Done<M>>,
 }
 
-struct Done<M: Metric> {
+struct Done<M: mesh::Metric> {
     slabs: Vec<slab::Decimated<M>>,
     failure: Option<Error>,
 }
 
-impl<M: Metric> Default for Done<M> {
+impl<M: mesh::Metric> Default for Done<M> {
     fn default() -> Self {
         Self { slabs: Vec::new(), failure: None }
     }
 }
 
-impl<M: Metric> Work<'_, M> {
+impl<M: mesh::Metric> Work<'_, M> {
     /// Finds memory for a slab of so many triangles, after others if need be, and says whether it
     /// is to be worked on by the calling thread.
     fn admit(&self, triangles: u64) -> Result<(Reservation, bool)> {
@@ -242,9 +269,9 @@ impl<M: Metric> Work<'_, M> {
         }
     }
 
-    fn run<V: Vertex>(&self, slab: Slab<V>, room: Reservation) {
+    fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, room: Reservation) {
         let triangles = slab.triangles.len() as u64;
-        let decimated = slab::decimate(slab, self.axis, &self.limit);
+        let decimated = slab::decimate(slab, self.axis, (&self.limit, unit));
         let counted = self.meter.add(triangles);
         let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
         match counted {
@@ -263,7 +290,7 @@ impl<M: Metric> Work<'_, M> {
 }
 
 /// Joins what is left and brings it to the wanted count.
-fn finish<V: Vertex, M: Metric>(
+fn finish<V: Vertex, M: mesh::Metric>(
     axis: SweepAxis,
     slabs: Vec<slab::Decimated<M>>,
     triangles_target: u64,

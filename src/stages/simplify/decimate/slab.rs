@@ -27,7 +27,7 @@ const COST_STEP: usize = 128;
 pub(super) fn decimate<V: Vertex, M: Metric>(
     slab: Slab<V>,
     axis: SweepAxis,
-    limit: &Limit,
+    (limit, unit): (&Limit, f32),
 ) -> Decimated<M> {
     let Slab { index, triangles, front, until } = slab;
     let mut welded = weld(&triangles);
@@ -42,6 +42,7 @@ pub(super) fn decimate<V: Vertex, M: Metric>(
     shared.dedup();
     let degenerate = welded.degenerate;
     welded.patch.shared = shared;
+    welded.patch.unit = unit;
     let mut mesh = Mesh::of_original(welded.into_patch());
     sweep_blocks(&mut mesh, limit);
     let costs = mesh.sample_costs(COST_STEP);
