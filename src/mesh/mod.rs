@@ -1,7 +1,8 @@
 //! Meshes in core, made to be decimated: no files, no threads, no progress.
 //!
 //! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
-//! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know. What a collapse costs is the matter of a [`Metric`].
+//! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
+//! What a collapse costs is the matter of a [`Metric`].
 
 mod by_quadric;
 mod by_volume;
