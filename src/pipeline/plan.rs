@@ -73,6 +73,8 @@ pub(super) const MEMORY_BYTES_MIN: u64 = 1 << 20;
 const TABLE_SHARE_CLUSTER: f64 = 0.6;
 /// The same when triangles are sorted beside it.
 const TABLE_SHARE_SORT: f64 = 0.5;
+/// The same for decimation, which needs more beside it.
+const TABLE_SHARE_DECIMATE: f64 = 0.3;
 /// The same when nothing else does.
 const TABLE_SHARE_CONVERT: f64 = 0.9;
 /// Bytes a cell and its two triangles take in the tables of clustering.
@@ -106,6 +108,7 @@ impl Job {
     /// Share of the budget that vertex tables may take.
     pub(super) fn table_share(&self) -> f64 {
         match self.task {
+            Task::Simplify(ref simplify) if !simplify.is_clustering() => TABLE_SHARE_DECIMATE,
             Task::Simplify(_) => TABLE_SHARE_CLUSTER,
             Task::Sort(_) => TABLE_SHARE_SORT,
             Task::Soup | Task::Weld => TABLE_SHARE_CONVERT,
