@@ -1,6 +1,8 @@
 //! Half-edge collapses by error quadrics `[GH97]`: each vertex remembers the planes of all that
 //! was collapsed into it, stays where it is, and is moved once, at the end `[WK03 §4.4]`.
 
+use glam::Vec3;
+
 use super::{
     Mesh, Patch, Quadric, State,
     classify::is_end,
@@ -23,6 +25,30 @@ const POINT_WEIGHT: f32 = 1e-6;
 /// the boundary should not move more than the surface. Chosen by hand.
 const BOUNDARY_WEIGHT: f32 = 4.0;
 
+/// The quadric of a face at each of its corners; `None` for one without area.
+#[inline]
+pub(super) fn face_quadric([a, b, c]: [Vec3; 3]) -> Option<Quadric> {
+    let n = (b - a).cross(c - a);
+    let length = n.length();
+    (length > 0.0).then(|| {
+        let mut quadric = Quadric::of_plane(n, 2.0 * length);
+        quadric.add_point(POINT_WEIGHT * length);
+        quadric
+    })
+}
+
+/// The quadric of the plane that stands on a boundary edge from `p` to `end`, at both of them;
+/// `n` is a normal of the face at the edge.
+#[inline]
+pub(super) fn boundary_quadric(p: Vec3, end: Vec3, n: Vec3) -> Option<Quadric> {
+    let edge = end - p;
+    let upright = edge.cross(n);
+    let length = upright.length();
+    // The upright normal has the length |edge| |n|; scaled to |edge|, squared.
+    let scale = length * length / (edge.length_squared() * BOUNDARY_WEIGHT);
+    (length > 0.0).then(|| Quadric::of_plane(upright, scale))
+}
+
 impl Metric for ByQuadric {
     type Carried = Quadric;
     /// Its value at the vertex is kept beside the position.
@@ -37,12 +63,8 @@ impl Metric for ByQuadric {
     fn scan(patch: &mut Patch<Self>) {
         patch.carried = vec![Quadric::default(); patch.positions.len()];
         for corners in &patch.faces {
-            let [a, b, c] = corners.map(|v| patch.positions[v as usize]);
-            let n = (b - a).cross(c - a);
-            let length = n.length();
-            if length > 0.0 {
-                let mut quadric = Quadric::of_plane(n, 2.0 * length);
-                quadric.add_point(POINT_WEIGHT * length);
+            let face = corners.map(|v| patch.positions[v as usize]);
+            if let Some(quadric) = face_quadric(face) {
                 for v in corners {
                     patch.carried[*v as usize].add_matrix(&quadric);
                 }
@@ -74,13 +96,8 @@ impl Metric for ByQuadric {
                 if !is_end(ring, other) {
                     continue;
                 }
-                let edge = end - p;
-                let upright = edge.cross(n);
-                let length = upright.length();
-                if length > 0.0 {
-                    // The upright normal has the length |edge| |n|; scaled to |edge|, squared.
-                    let scale = length * length / (edge.length_squared() * BOUNDARY_WEIGHT);
-                    sum.add(&Quadric::of_plane(upright, scale));
+                if let Some(quadric) = boundary_quadric(p, end, n) {
+                    sum.add(&quadric);
                 }
             }
         }

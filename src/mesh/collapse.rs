@@ -56,7 +56,7 @@ impl<M: Metric> Mesh<M> {
 
     /// Whether collapsing `removed`, whose ring is given, into `kept` keeps the surface what it
     /// is: the link condition, no face turned over `[WK03 §4.3]`.
-    fn is_legal(&self, removed: u32, best: &Candidate, ring: &[Wing]) -> bool {
+    pub(super) fn is_legal(&self, removed: u32, best: &Candidate, ring: &[Wing]) -> bool {
         let kept = best.kept;
         let is_inner = self.states[removed as usize] == State::INNER;
         let apexes = apexes(ring, kept);

@@ -6,6 +6,7 @@
 
 mod by_quadric;
 mod by_volume;
+mod choice;
 mod classify;
 mod collapse;
 mod finish;
@@ -14,6 +15,7 @@ mod morton;
 mod patch;
 mod place;
 mod quadric;
+mod release;
 mod ring;
 mod surface;
 mod sweep;
@@ -22,13 +24,17 @@ mod volume_boundary;
 #[cfg(test)]
 mod volume_tests;
 mod weld;
+mod window;
 
 pub use by_quadric::ByQuadric;
 pub use by_volume::ByVolume;
+pub use choice::{Choice, Decimated};
 pub use finish::{Finished, finish};
 pub use metric::Metric;
 pub use patch::{Patch, unit_of};
 pub use quadric::Quadric;
+pub use release::{Released, release, release_all};
 pub use surface::{Color, Mesh, State};
 pub use sweep::{Limit, sweep_blocks};
 pub use weld::{Welded, weld};
+pub use window::{Figures, Window};

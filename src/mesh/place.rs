@@ -24,7 +24,7 @@ pub(super) fn place(mesh: &mut Mesh<ByQuadric>) {
 const FRACTIONS: [f32; 3] = [1.0, 0.5, 0.25];
 
 impl Mesh<ByQuadric> {
-    fn reachable(&self, vertex: u32, step: Vec3) -> Option<Vec3> {
+    pub(super) fn reachable(&self, vertex: u32, step: Vec3) -> Option<Vec3> {
         let (from, ring) = (self.position(vertex), self.rings.of(vertex));
         let reach_sq = ring.iter().fold(0.0_f32, |reach, face| {
             let to_next = self.position(face.next).distance_squared(from);

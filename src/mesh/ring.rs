@@ -4,6 +4,8 @@
 //! vertex then costs one cache line, where walking a list of faces would wait for one after the
 //! other.
 
+use super::surface::NONE;
+
 /// A face as one of its vertices sees it: the two others, counter-clockwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
@@ -90,8 +92,9 @@ impl Rings {
         }
     }
 
+    /// Adds a face to a ring, which [`Self::has_room`].
     #[inline]
-    fn push(&mut self, vertex: u32, wing: Wing) {
+    pub(super) fn push(&mut self, vertex: u32, wing: Wing) {
         let (line, count) = (&mut self.lines[vertex as usize], self.counts[vertex as usize]);
         let count = usize::from(count);
         self.counts[vertex as usize] += 1;
@@ -110,6 +113,57 @@ impl Rings {
             }
             None => self.far[line.0[0].next as usize].push(wing),
         }
+    }
+
+    /// Whether the ring of `vertex` can take a face.
+    #[inline]
+    pub(super) fn has_room(&self, vertex: u32) -> bool {
+        self.count(vertex) < RING_FACES_MAX
+    }
+
+    /// Makes room for so many vertices in all.
+    pub(super) fn make_room(&mut self, vertices: usize) {
+        self.lines.reserve_exact(vertices.saturating_sub(self.lines.len()));
+        self.counts.reserve_exact(vertices.saturating_sub(self.counts.len()));
+    }
+
+    /// Adds a vertex without faces.
+    #[inline]
+    pub(super) fn add_vertex(&mut self) {
+        self.lines.push(Line::default());
+        self.counts.push(0);
+    }
+
+    /// Takes a face out of the ring of `vertex`, which has it.
+    pub(super) fn take_out(&mut self, vertex: u32, wing: Wing) {
+        let ring = self.of_mut(vertex);
+        let last = ring.len() - 1;
+        let at = ring.iter().position(|other| *other == wing);
+        debug_assert!(at.is_some(), "a face is in the rings of its vertices");
+        ring.swap(at.unwrap_or(last), last);
+        self.truncate(vertex, last);
+    }
+
+    /// Renumbers the vertices, in their order, and forgets those that have no new number; they
+    /// have no faces.
+    pub(super) fn compact(&mut self, old_to_new: &[u32]) {
+        let renumber = |wing: &mut Wing| {
+            wing.next = old_to_new[wing.next as usize];
+            wing.prev = old_to_new[wing.prev as usize];
+        };
+        let mut left = 0;
+        for (old, new) in old_to_new.iter().enumerate() {
+            if *new == NONE {
+                debug_assert_eq!(self.counts[old], 0, "what goes has no faces");
+                continue;
+            }
+            self.of_mut(old as u32).iter_mut().for_each(renumber);
+            self.lines[left] = self.lines[old];
+            self.counts[left] = self.counts[old];
+            left += 1;
+        }
+        self.lines.truncate(left);
+        self.counts.truncate(left);
     }
 
     /// Forgets the last faces of a vertex.

@@ -27,6 +27,10 @@ impl State {
     /// Other faces of it are not here, as at an interface: neither removed nor moved. Combines
     /// with any of the others.
     pub const FROZEN: Self = Self(4);
+    /// Not final: faces of it may still be read. Neither removed nor the target of a collapse.
+    pub(super) const OPEN: Self = Self(8);
+    /// Of a frozen vertex: it is listed among those that may have a face to write.
+    pub(super) const LISTED: Self = Self(16);
 
     /// Whether all of `other` holds.
     #[inline]
@@ -37,13 +41,21 @@ impl State {
 
     /// The same, with faces elsewhere.
     pub(super) fn frozen(self) -> Self {
-        Self(self.0 | Self::FROZEN.0)
+        self.with(Self::FROZEN)
+    }
+
+    pub(super) fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    pub(super) fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
     }
 
     /// Whether a collapse may remove the vertex.
     #[inline]
     pub(super) fn is_removable(self) -> bool {
-        self.0 & (Self::COMPLEX.0 | Self::FROZEN.0) == 0
+        self.0 & (Self::COMPLEX.0 | Self::FROZEN.0 | Self::OPEN.0) == 0
     }
 }
 
@@ -104,7 +116,7 @@ pub struct Mesh<M: Metric> {
     /// none.
     pub(super) costs: Vec<f32>,
     /// Empty without colours.
-    colors: Vec<Color>,
+    pub(super) colors: Vec<Color>,
     /// Faces that are left.
     pub(super) faces_left: usize,
     /// As [`Patch::unit`].
@@ -112,6 +124,30 @@ pub struct Mesh<M: Metric> {
 }
 
 impl<M: Metric> Mesh<M> {
+    /// A mesh of nothing, to be added to.
+    pub(super) fn empty() -> Self {
+        Self {
+            spots: Vec::new(),
+            rings: Rings::default(),
+            held: Vec::new(),
+            states: Vec::new(),
+            costs: Vec::new(),
+            colors: Vec::new(),
+            faces_left: 0,
+            unit: 1.0,
+        }
+    }
+
+    /// Adds a vertex without faces.
+    #[inline]
+    pub(super) fn add_vertex(&mut self, position: Vec3, state: State) {
+        self.spots.push(Spot(position.extend(0.0)));
+        self.rings.add_vertex();
+        self.held.push(M::Held::default());
+        self.states.push(state);
+        self.costs.push(UNKNOWN);
+    }
+
     /// Makes a mesh of a surface as it was scanned.
     #[must_use]
     pub fn of_original(mut patch: Patch<M>) -> Self {

@@ -25,7 +25,15 @@ pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
     let mut degenerate = 0;
     patch.faces.reserve(triangles.len());
     for triangle in triangles {
-        let face = triangle.0.map(|v| index.find_or_add(v.position(), &mut patch.positions));
+        let face = triangle.0.map(|corner| {
+            let position = Vec3::from_array(corner.position()) + Vec3::ZERO;
+            let (new, known) = (patch.positions.len() as u32, &mut patch.positions);
+            let vertex = index.find_or_add(position, new, |vertex| known[vertex as usize]);
+            if vertex == new {
+                known.push(position);
+            }
+            vertex
+        });
         if V::COLORED {
             patch.colors.resize(patch.positions.len(), Color::default());
             add_colors(triangle, face, &mut patch.colors);
@@ -65,7 +73,7 @@ impl<M: Metric> Welded<M> {
 
 /// Adds the colours of a triangle's corners to their vertices, weighted by its area; a triangle
 /// without area still has a say where there is no other.
-fn add_colors<V: Vertex>(triangle: &Triangle<V>, face: [u32; 3], colors: &mut [Color]) {
+pub(super) fn add_colors<V: Vertex>(triangle: &Triangle<V>, face: [u32; 3], colors: &mut [Color]) {
     let [a, b, c] = triangle.0.map(|v| Vec3::from_array(v.position()));
     let weight = (b - a).cross(c - a).length().max(f32::MIN_POSITIVE);
     for (vertex, corner) in face.into_iter().zip(triangle.0) {
@@ -88,37 +96,43 @@ fn reorder<T: Copy + Default>(values: &mut Vec<T>, places: &[u32]) {
     *values = ordered;
 }
 
-/// Vertices by position: open addressing, at most three quarters full.
-struct PositionIndex {
+/// Vertices by position: open addressing, at most three quarters full. Where a vertex is, its owner tells.
+pub(super) struct PositionIndex {
     slots: Vec<u32>,
     count: usize,
 }
 
 impl PositionIndex {
-    fn with_room_for(vertices: usize) -> Self {
+    pub(super) fn with_room_for(vertices: usize) -> Self {
         let slots = (vertices / 2 * 3).next_power_of_two().max(16);
         Self { slots: vec![NONE; slots], count: 0 }
     }
 
+    /// The vertex at `position`, or `new`, which is at home there from now on.
     #[inline]
-    fn find_or_add(&mut self, position: [f32; 3], positions: &mut Vec<Vec3>) -> u32 {
-        let position = Vec3::from_array(position) + Vec3::ZERO;
+    pub(super) fn find_or_add(
+        &mut self,
+        position: Vec3,
+        new: u32,
+        at: impl Fn(u32) -> Vec3,
+    ) -> u32 {
         let mut slot = self.first_slot(position);
         loop {
             match self.slots[slot] {
                 NONE => break,
-                vertex if positions[vertex as usize] == position => return vertex,
+                vertex if at(vertex) == position => return vertex,
                 _ => slot = (slot + 1) & (self.slots.len() - 1),
             }
         }
-        let vertex = positions.len() as u32;
-        positions.push(position);
-        self.slots[slot] = vertex;
+        self.slots[slot] = new;
         self.count += 1;
         if 4 * self.count > 3 * self.slots.len() {
-            self.grow(positions);
+            let at = |vertex| if vertex == new { position } else { at(vertex) };
+            let slots = std::mem::take(&mut self.slots);
+            self.slots = vec![NONE; 2 * slots.len()];
+            slots.into_iter().filter(|v| *v != NONE).for_each(|v| self.place(v, at(v)));
         }
-        vertex
+        new
     }
 
     /// The vertex at a position; `look_up` gives its number and position by its first number.
@@ -144,17 +158,31 @@ impl PositionIndex {
         (mixed >> 32) as usize & (self.slots.len() - 1)
     }
 
-    fn grow(&mut self, positions: &[Vec3]) {
-        self.slots = vec![NONE; 2 * self.slots.len()];
-        for (vertex, position) in positions.iter().enumerate() {
-            let mut slot = self.first_slot(*position);
-            while self.slots[slot] != NONE {
-                slot = (slot + 1) & (self.slots.len() - 1);
-            }
-            self.slots[slot] = vertex as u32;
+    fn place(&mut self, vertex: u32, position: Vec3) {
+        let mut slot = self.first_slot(position);
+        while self.slots[slot] != NONE {
+            slot = (slot + 1) & (self.slots.len() - 1);
         }
+        self.slots[slot] = vertex;
+    }
+
+    /// Forgets all vertices but these, each at a position of its own.
+    pub(super) fn refill(&mut self, vertices: &[u32], at: impl Fn(u32) -> Vec3) {
+        let slots = (2 * vertices.len()).next_power_of_two().max(16);
+        if self.slots.len() > SLACK * slots || self.slots.len() < slots {
+            self.slots = vec![NONE; slots];
+        } else {
+            self.slots.fill(NONE);
+        }
+        for vertex in vertices {
+            self.place(*vertex, at(*vertex));
+        }
+        self.count = vertices.len();
     }
 }
+
+/// A table this many times too large is made anew, smaller.
+const SLACK: usize = 8;
 
 #[cfg(test)]
 mod tests {
