@@ -25,6 +25,8 @@ mod prefixes;
 #[cfg(test)]
 mod sort;
 #[cfg(test)]
+mod stream;
+#[cfg(test)]
 mod tidy;
 #[cfg(test)]
 mod torture;

@@ -22,6 +22,8 @@ const EXAMPLES: &str = "\
 Examples:
   meshmill simplify scan.ply -o small.ply --ratio 1% --memory 4GiB
   meshmill simplify scan.stl -o small.ply -t 500k
+  meshmill generate gyroid --triangles 1G -o - --output-format soup |
+    meshmill simplify - --input-format soup --assume-sorted z --ratio 1% -o small.stl
   meshmill soup scan.ply -o scan.stl
   meshmill sort scan.stl -o sorted.soup --memory 4GiB
   meshmill weld scan.stl -o scan.ply
@@ -62,6 +64,9 @@ pub(super) struct Simplify {
     /// Edge collapses: what decides which edges go, and where their ends meet; see each below
     #[arg(long, value_enum, default_value_t = Metric::Quadric)]
     pub(super) metric: Metric,
+
+    #[command(flatten)]
+    pub(super) choosing: Choosing,
 
     /// Clustering: weight of edges against faces in placing a vertex, 0 to 1; 0 lets boundaries
     /// shrink
@@ -106,6 +111,48 @@ pub(super) enum Method {
     Stream,
     /// Vertex clustering: fastest, in the least memory, counts within 25 %
     Cluster,
+}
+
+/// How decimation chooses edges.
+#[derive(Debug, Args)]
+pub(super) struct Choosing {
+    /// Decimation: how the edges to collapse are chosen; see each below
+    #[arg(long, value_enum)]
+    pub(super) selection: Option<Selection>,
+
+    /// Multiple choice: candidates for each decision; more are slower and hardly better
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value = "8")]
+    pub(super) choices: u32,
+
+    /// Multiple choice: which random candidates; the same seed gives the same bytes
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+
+    /// The input is sorted along this axis, or nearly, as most programs write surfaces and `sort`
+    /// does: read it once and write as it is read, without the disk, on a pipe too. By multiple
+    /// choice, with --ratio. A triangle too late for that ends the run with exit code 3
+    #[arg(long, value_enum, value_name = "AXIS")]
+    pub(super) assume_sorted: Option<SortedAxis>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Selection {
+    /// Every edge below an error that rises, the same for all of the mesh: the default; on all
+    /// threads, faster and more faithful
+    Threshold,
+    /// The best of a few random ones: one pass, in a window of --memory that triangles come into
+    /// and leave
+    MultipleChoice,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum SortedAxis {
+    /// The first coordinate
+    X,
+    /// The second coordinate
+    Y,
+    /// The third coordinate
+    Z,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -157,8 +157,8 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
     if let Some(sort) = &report.sort {
         session.display.say(&figures::order(sort));
     }
-    if report.reached_target == Some(false) {
-        session.display.say("the wanted count was not met within 25 %: no grid comes nearer");
+    if report.reached_target == Some(false) || report.stopped_by == Some("parity") {
+        session.display.say(figures::shortfall(report.stopped_by));
     }
     let line = format!(
         "{}: {} triangles of {} in {:.1} s, {} of memory",

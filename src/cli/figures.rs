@@ -34,6 +34,21 @@ pub(super) fn order(sort: &SortReport) -> String {
     }
 }
 
+/// Why a wanted count was not met.
+pub(super) fn shortfall(stopped_by: Option<&str>) -> &'static str {
+    match stopped_by {
+        Some("topology") => {
+            "the wanted count was not met: no collapse is left that keeps the surface what it is"
+        }
+        Some("parity") => "one triangle fewer than asked for: here two go at a time",
+        Some("window") => {
+            "the wanted count was not met: triangles had to leave the window before they were \
+             coarse enough; more --memory makes it larger"
+        }
+        _ => "the wanted count was not met within 25 %: no grid comes nearer",
+    }
+}
+
 /// Records per second in three digits: `38.6 M/s`.
 pub(super) fn rate(per_second: f64) -> String {
     let (mut scaled, mut unit) = (per_second, "");

@@ -13,8 +13,8 @@ use meshmill::{
 };
 
 use super::args::{
-    Axis, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect, Output, Placement,
-    Simplify, Sort,
+    Axis, Choosing, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect, Output,
+    Placement, Selection, Simplify, Sort, SortedAxis,
 };
 
 /// What the machine offers.
@@ -53,9 +53,37 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         Metric::Quadric => pipeline::Metric::Quadric,
         Metric::Volume => pipeline::Metric::Volume,
     };
-    let (goal, boundary_weight) = (goal(&args.goal), args.boundary_weight);
-    let simplify = pipeline::Simplify { goal, method, metric, boundary_weight, placement };
+    let simplify = pipeline::Simplify {
+        goal: goal(&args.goal),
+        method,
+        metric,
+        selection: selection(&args.choosing)?,
+        choices: args.choosing.choices,
+        seed: args.choosing.seed,
+        assume_sorted: args.choosing.assume_sorted.map(|axis| match axis {
+            SortedAxis::X => SweepAxis::X,
+            SortedAxis::Y => SweepAxis::Y,
+            SortedAxis::Z => SweepAxis::Z,
+        }),
+        boundary_weight: args.boundary_weight,
+        placement,
+    };
     convert(&args.convert, Task::Simplify(simplify), host)
+}
+
+/// How edges are chosen; a promise of order is of use for one way only.
+fn selection(choosing: &Choosing) -> Result<pipeline::Selection> {
+    match (choosing.selection, choosing.assume_sorted) {
+        (Some(Selection::Threshold), Some(_)) => {
+            let text = "a threshold for the whole mesh is not known in a single pass: \
+                        --assume-sorted goes with --selection multiple-choice";
+            Err(Error::Request(text.to_owned()))
+        }
+        (Some(Selection::MultipleChoice), _) | (None, Some(_)) => {
+            Ok(pipeline::Selection::MultipleChoice)
+        }
+        (_, None) => Ok(pipeline::Selection::Threshold),
+    }
 }
 
 /// The job of `sort`.
@@ -211,6 +239,27 @@ mod tests {
         assert_eq!(goal("simplify a -o b.ply -t 100k"), pipeline::Goal::Triangles(100_000));
         assert_eq!(goal("simplify a -o b.ply --cells 64"), pipeline::Goal::Cells(64));
         assert_eq!(goal("simplify a -o b.ply --cell-size .5"), pipeline::Goal::CellSize(0.5));
+    }
+
+    #[test]
+    fn a_promise_of_order_means_multiple_choice() {
+        let simplify = |flags: &str| {
+            let line = format!("simplify a -o b.ply --ratio 1%{flags}");
+            job(&line).map(|job| match job.task {
+                Task::Simplify(simplify) => simplify,
+                other => panic!("{other:?}"),
+            })
+        };
+        let plain = simplify("").unwrap();
+        assert_eq!(plain.selection, pipeline::Selection::Threshold);
+        assert_eq!((plain.choices, plain.seed, plain.assume_sorted), (8, 0, None));
+        let chosen = simplify(" --selection multiple-choice --choices 12 --seed 7").unwrap();
+        assert_eq!(chosen.selection, pipeline::Selection::MultipleChoice);
+        assert_eq!((chosen.choices, chosen.seed), (12, 7));
+        let promised = simplify(" --assume-sorted y").unwrap();
+        assert!(promised.is_streaming());
+        assert_eq!(promised.assume_sorted, Some(SweepAxis::Y));
+        assert!(simplify(" --assume-sorted y --selection threshold").is_err());
     }
 
     #[test]

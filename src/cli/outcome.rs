@@ -74,6 +74,10 @@ fn hint(error: &Error) -> Option<&'static str> {
         Error::Resource { what, .. } if what.contains("slab") => {
             "allow more --memory, or simplify with --method cluster, which needs little"
         }
+        Error::Resource { what, .. } if what.contains("window") => "allow more --memory",
+        Error::NotSorted { .. } => {
+            "allow more --memory, so that more can wait, or sort it: meshmill sort --axis"
+        }
         Error::FormatLimit { .. } => "choose a format without that limit: ply or soup",
         _ => return None,
     })

@@ -64,6 +64,14 @@ pub struct Simplify {
     pub method: Method,
     /// Decimation: what it goes by.
     pub metric: Metric,
+    /// Decimation: how edges are chosen.
+    pub selection: Selection,
+    /// Multiple choice: candidates for each decision, at least 1.
+    pub choices: u32,
+    /// Multiple choice: which candidates.
+    pub seed: u64,
+    /// The inputs are promised to be sorted along this axis, or nearly: one pass will do.
+    pub assume_sorted: Option<SweepAxis>,
     /// Clustering: share of edge quadrics, 0 to 1.
     pub boundary_weight: f64,
     /// Clustering: where representatives may lie in their cells.
@@ -81,7 +89,22 @@ pub enum Method {
     Cluster,
 }
 
+/// How decimation chooses the edges to collapse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Every edge below a threshold that rises, in parallel slabs.
+    Threshold,
+    /// The best of a few random ones, in a single pass on a window.
+    MultipleChoice,
+}
+
 impl Simplify {
+    /// Whether this is done in a single pass on a window.
+    #[must_use]
+    pub fn is_streaming(&self) -> bool {
+        self.selection == Selection::MultipleChoice && !self.is_clustering()
+    }
+
     /// Whether this is done by clustering.
     #[must_use]
     pub fn is_clustering(&self) -> bool {

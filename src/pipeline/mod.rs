@@ -8,13 +8,14 @@ mod plan;
 mod report;
 mod run;
 mod sort;
+mod streaming;
 
 pub use crate::stages::simplify::decimate::Metric;
 pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
-pub use job::{Goal, Job, Method, Simplify, Sort, Task};
+pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use report::{
     BoundsReport, ClusterReport, DecimateReport, DefectReport, InputReport, OutputReport, Report,
-    SortReport, StageReport,
+    SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};

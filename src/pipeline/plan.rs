@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Goal, Job, Simplify, Task, sort};
+use super::{Goal, Job, Metric, Selection, Simplify, Task, sort, streaming};
 use crate::{
     error::{Error, Result},
     formats::{Compression, Declared, Format},
@@ -150,6 +150,9 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         Task::Simplify(simplify) if simplify.is_clustering() => {
             plan_clustering(job, simplify.goal, sizes, &mut plan);
         }
+        Task::Simplify(simplify) if simplify.is_streaming() => {
+            streaming::plan(job, simplify, sizes, &mut plan);
+        }
         Task::Simplify(simplify) => plan_decimation(simplify, sizes, &mut plan),
         Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
@@ -175,6 +178,20 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     {
         return Err(Error::Request("cells are a goal for clustering only".to_owned()));
     }
+    if let Task::Simplify(simplify) = &job.task
+        && simplify.is_clustering()
+        && simplify.selection == Selection::MultipleChoice
+    {
+        let text = "clustering takes triangles in any order and chooses no edges";
+        return Err(Error::Request(text.to_owned()));
+    }
+    if let Task::Simplify(simplify) = &job.task
+        && simplify.is_streaming()
+        && simplify.metric == Metric::Volume
+    {
+        let text = "multiple choice in one pass goes by quadrics: --metric quadric";
+        return Err(Error::Request(text.to_owned()));
+    }
     let format = job.output_format.name();
     let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
     let refused = match job.task {
@@ -190,7 +207,7 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
 
 fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
     let path = name(&facts.path);
-    if !matches!(job.task, Task::Simplify(_)) {
+    if !is_read_twice(job) {
         return;
     }
     if facts.repeatable {
@@ -202,6 +219,11 @@ fn plan_soup(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
     plan.notes.push(format!("{path} can be read only once and is needed twice: set aside on disk"));
 }
 
+/// Whether the task needs to know its input before it begins with it.
+fn is_read_twice(job: &Job) -> bool {
+    matches!(&job.task, Task::Simplify(simplify) if simplify.assume_sorted.is_none())
+}
+
 /// An input, in words.
 pub(super) fn name(path: &InputPath) -> String {
     match path {
@@ -211,7 +233,7 @@ pub(super) fn name(path: &InputPath) -> String {
 }
 
 fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
-    let is_needed_twice = matches!(job.task, Task::Simplify(_));
+    let is_needed_twice = is_read_twice(job);
     let path = name(&facts.path);
     let lines = facts.size_bytes.map(|bytes| bytes / LINE_BYTES_MIN);
     let table_bytes = facts.declared.vertices.or(lines).map(|count| count * sizes.vertex);

@@ -14,8 +14,9 @@ pub struct Report {
     /// Whether a wanted count was met within the method's tolerance; `None` without one.
     pub reached_target: Option<bool>,
     /// What ended the simplification: `target`, `cells`, `resolution` when no grid comes
-    /// nearer to the target, or `topology` when no collapse is left that keeps the surface what it
-    /// is.
+    /// nearer to the target, `topology` when no collapse is left that keeps the surface what it
+    /// is, `parity` when the last odd triangle could only go together with another, or `window`
+    /// when triangles had to leave a window before they were coarse enough.
     pub stopped_by: Option<&'static str>,
     /// Clustering: what it worked with.
     pub cluster: Option<ClusterReport>,
@@ -23,6 +24,8 @@ pub struct Report {
     pub sort: Option<SortReport>,
     /// Decimation: what it worked with.
     pub decimate: Option<DecimateReport>,
+    /// Decimation in a single pass: what it worked with.
+    pub stream: Option<StreamReport>,
     /// Largest resident set of the process.
     pub peak_memory_bytes: u64,
     /// Largest total of temporary files.
@@ -113,6 +116,40 @@ pub struct DecimateReport {
     pub degenerate: u64,
     /// Vertices left alone because their faces are no fan.
     pub complex_vertices: u64,
+}
+
+/// How decimation in a single pass went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct StreamReport {
+    /// The sweep axis.
+    pub axis: &'static str,
+    /// How many triangles the worst one was late along that axis; `None` when they were sorted
+    /// without measuring.
+    pub displacement_max: Option<u64>,
+    /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
+    pub sorted_on_disk: bool,
+    /// Triangles the window had room for.
+    pub window_triangles: u64,
+    /// Triangles in the window at most.
+    pub window_max: u64,
+    /// Triangles that waited for their neighbours at most, when the window was full.
+    pub front_max: u64,
+    /// Times the window was full.
+    pub rounds: u64,
+    /// Triangles written.
+    pub written: u64,
+    /// Those of them that were written before the end of the stream.
+    pub written_early: u64,
+    /// Those of them that were not next to what had been written already.
+    pub written_inside: u64,
+    /// Those of them that were finer than they should be, because the window had to be emptied.
+    pub written_forced: u64,
+    /// Triangles left out because two of their corners were one point.
+    pub degenerate: u64,
+    /// Vertices left alone because their faces are no fan.
+    pub complex_vertices: u64,
+    /// Vertices on a boundary, decimated and written like any other.
+    pub boundary_vertices: u64,
 }
 
 /// One stage.

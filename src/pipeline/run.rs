@@ -182,6 +182,8 @@ impl Run<'_> {
     fn simplify<V: Vertex>(&self, inputs: Vec<OpenInput>, simplify: &Simplify) -> Result<Report> {
         if simplify.is_clustering() {
             self.simplify_by_clustering::<V>(inputs, simplify)
+        } else if simplify.is_streaming() {
+            self.simplify_by_stream::<V>(inputs, simplify)
         } else {
             self.simplify_by_decimation::<V>(inputs, simplify)
         }
@@ -229,7 +231,7 @@ impl Run<'_> {
         Ok(report)
     }
 
-    fn export_mesh<V: Vertex>(
+    pub(super) fn export_mesh<V: Vertex>(
         &self,
         mesh: &IndexedMesh<V>,
         survey: &Survey,
