@@ -120,7 +120,7 @@ pub(super) struct Choosing {
     #[arg(long, value_enum)]
     pub(super) selection: Option<Selection>,
 
-    /// Multiple choice: candidates for each decision; more are slower and hardly better
+    /// Multiple choice: candidates for each decision; more are slower and more faithful
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value = "8")]
     pub(super) choices: u32,
 

@@ -31,9 +31,10 @@ const LATE_MAX: u64 = 1 << 20;
 const ORDER_SHARE: u64 = 4;
 const ORDER_BYTES_MIN: u64 = 12 << 20;
 
-/// Triangles of the window at first, however much memory there is: larger ones are slower, for the
-/// cache, and no better unless they hold nearly all of the mesh. Where the front of the mesh needs
-/// more, the window grows.
+/// Triangles of the window at first, however much memory there is. Chosen by hand: on an
+/// iso-surface of 1 M triangles windows of 75 K and 187 K have the same error, larger ones less as
+/// they come to hold nearly all of the mesh, and are slower, for the cache; beyond 1 M it was not
+/// measured. Where the front of the mesh needs more, the window grows.
 const WINDOW_TRIANGLES: usize = 1 << 22;
 
 /// Adds the stream to a plan.

@@ -27,7 +27,7 @@ pub struct Config {
     pub axis: SweepAxis,
     /// How many triangles are wanted.
     pub target: Target,
-    /// Candidates for each decision, at least 1: more are slower, and a little more faithful.
+    /// Candidates for each decision, at least 1: more are slower and more faithful.
     pub choices: u32,
     /// Which candidates.
     pub seed: u64,
