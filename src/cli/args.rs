@@ -129,8 +129,9 @@ pub(super) struct Choosing {
     pub(super) seed: u64,
 
     /// The input is sorted along this axis, or nearly, as most programs write surfaces and `sort`
-    /// does: read it once and write as it is read, without the disk, on a pipe too. By multiple
-    /// choice, with --ratio. A triangle too late for that ends the run with exit code 3
+    /// does: read it once, without the disk, on a pipe too, with --ratio. By multiple choice in any
+    /// memory; by threshold (say so) if the result fits. A triangle too late ends the run with exit
+    /// code 3
     #[arg(long, value_enum, value_name = "AXIS")]
     pub(super) assume_sorted: Option<SortedAxis>,
 }

@@ -57,7 +57,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         goal: goal(&args.goal),
         method,
         metric,
-        selection: selection(&args.choosing)?,
+        selection: selection(&args.choosing),
         choices: args.choosing.choices,
         seed: args.choosing.seed,
         assume_sorted: args.choosing.assume_sorted.map(|axis| match axis {
@@ -71,18 +71,13 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
     convert(&args.convert, Task::Simplify(simplify), host)
 }
 
-/// How edges are chosen; a promise of order is of use for one way only.
-fn selection(choosing: &Choosing) -> Result<pipeline::Selection> {
+/// How edges are chosen. A stream may be endless, and only a window holds it in any memory.
+fn selection(choosing: &Choosing) -> pipeline::Selection {
     match (choosing.selection, choosing.assume_sorted) {
-        (Some(Selection::Threshold), Some(_)) => {
-            let text = "a threshold for the whole mesh is not known in a single pass: \
-                        --assume-sorted goes with --selection multiple-choice";
-            Err(Error::Request(text.to_owned()))
-        }
+        (Some(Selection::Threshold), _) | (None, None) => pipeline::Selection::Threshold,
         (Some(Selection::MultipleChoice), _) | (None, Some(_)) => {
-            Ok(pipeline::Selection::MultipleChoice)
+            pipeline::Selection::MultipleChoice
         }
-        (_, None) => Ok(pipeline::Selection::Threshold),
     }
 }
 
@@ -259,7 +254,8 @@ mod tests {
         let promised = simplify(" --assume-sorted y").unwrap();
         assert!(promised.is_streaming());
         assert_eq!(promised.assume_sorted, Some(SweepAxis::Y));
-        assert!(simplify(" --assume-sorted y --selection threshold").is_err());
+        let both = simplify(" --assume-sorted y --selection threshold").unwrap();
+        assert!(!both.is_streaming() && both.assume_sorted.is_some());
     }
 
     #[test]

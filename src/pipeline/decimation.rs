@@ -1,14 +1,18 @@
 //! Decimation to a wanted count: the stream put in order, cut into slabs, and finished.
 
-use super::{DecimateReport, run::Run};
+use super::{
+    DecimateReport, Goal, Simplify,
+    run::Run,
+    streaming::{count_unknown, sort_config},
+};
 use crate::{
     error::Result,
     formats::Findings,
     soup::{OpenInput, Source, SweepAxis, Vertex},
     stages::{
         convert::{
-            import::{Need, Outcome, Survey},
-            presort::{self, Method, Order},
+            import::Survey,
+            presort::{self, Method},
         },
         simplify::decimate::{self, Wanted},
     },
@@ -21,15 +25,13 @@ pub(super) struct Decimated<V> {
     pub(super) findings: Findings,
     /// Triangles of the input.
     pub(super) triangles_in: u64,
-    /// Triangles asked for.
-    pub(super) wanted: u64,
     pub(super) report: DecimateReport,
 }
 
 impl<V: Vertex> Decimated<V> {
     /// Whether the count is the wanted one, or one below it where only pairs of triangles can go.
     pub(super) fn is_met(&self) -> bool {
-        self.outcome.mesh.counts().triangles <= self.wanted.max(1)
+        self.outcome.mesh.counts().triangles <= self.outcome.triangles_target
     }
 }
 
@@ -38,24 +40,25 @@ impl<V: Vertex> Decimated<V> {
 const WINDOW_SHARE: u64 = 4;
 
 impl Run<'_> {
-    /// Decimates the inputs to `wanted` triangles of so many.
+    /// Decimates the inputs to a count or a share of them, in one pass where the order is promised.
     pub(super) fn decimate_to_goal<V: Vertex>(
         &self,
         inputs: Vec<OpenInput>,
-        metric: decimate::Metric,
-        wanted: impl FnOnce(u64) -> u64,
+        simplify: &Simplify,
     ) -> Result<Decimated<V>> {
-        let Outcome { source, survey } = self.import::<V>(inputs, Need::Order)?;
-        let axis = SweepAxis::ALL[survey.bounds.longest_axis()];
-        let order = match (survey.displacement_max, source.records()) {
-            (Some(displacement_max), Some(triangles)) => Order { displacement_max, triangles },
-            _ => presort::measure_order(&source, self.monitor)?,
+        let (source, survey, order) = self.ordered_source::<V>(inputs, simplify)?;
+        let axis = simplify.assume_sorted.unwrap_or(SweepAxis::ALL[survey.bounds.longest_axis()]);
+        let triangles = order.map(|order| order.triangles).or(source.records());
+        let wanted = match (simplify.goal, triangles) {
+            (Goal::Ratio(ratio), _) => Wanted::Ratio(ratio),
+            (goal, Some(triangles)) => {
+                Wanted::Triangles(goal.triangles_wanted(triangles).unwrap_or(triangles))
+            }
+            (_, None) => return Err(count_unknown()),
         };
-        let wanted = wanted(order.triangles).max(1);
-        let triangles = Some(order.triangles);
-        let config =
-            decimate::Config { axis, triangles, wanted: Wanted::Triangles(wanted), metric };
-        let displacement_max = order.displacement_max[axis.index()];
+        let metric = simplify.metric;
+        let config = decimate::Config { axis, triangles, wanted, metric };
+        let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
         let sort = self.presort_config::<V>(axis, displacement_max, &config);
         let mut sorted = None;
         let outcome = decimate::decimate(&config, self.workspace, self.monitor, |sink| {
@@ -69,30 +72,31 @@ impl Run<'_> {
         let report = DecimateReport {
             metric: metric.name(),
             axis: axis.name(),
-            displacement_max,
+            displacement_max: displacement_max.or(sorted.displacement_max),
             sorted_on_disk: sorted.on_disk,
             slabs: outcome.slabs,
             degenerate: outcome.degenerate,
             complex_vertices: outcome.complex_vertices,
         };
         let (findings, triangles_in) = (sorted.findings, sorted.triangles);
-        Ok(Decimated { outcome, survey, findings, triangles_in, wanted, report })
+        Ok(Decimated { outcome, survey, findings, triangles_in, report })
     }
 
-    /// How the stream is put in order, in the memory that the slabs leave.
+    /// How the stream is put in order: in passing in a share of the memory, or in all of it that
+    /// the slabs leave.
     fn presort_config<V: Vertex>(
         &self,
         axis: SweepAxis,
-        displacement_max: u64,
+        displacement_max: Option<u64>,
         config: &decimate::Config,
     ) -> presort::Config {
         let available = self.workspace.budget().available_bytes();
+        let in_passing = sort_config::<V>(axis, displacement_max, available / WINDOW_SHARE);
+        if in_passing.method != Method::Sort {
+            return in_passing;
+        }
         let slabs = config.slab_bytes(self.job.threads as u64);
         let left = available.saturating_sub(slabs).max(available / WINDOW_SHARE);
-        let window_bytes = presort::window_bytes::<V>(displacement_max);
-        let absorbs = window_bytes <= available / WINDOW_SHARE;
-        let method = if absorbs { Method::Absorb { displacement_max } } else { Method::Sort };
-        let memory_bytes = if absorbs { (2 * window_bytes).clamp(1 << 20, left) } else { left };
-        presort::Config { axis, method, memory_bytes }
+        sort_config::<V>(axis, displacement_max, left)
     }
 }

@@ -287,7 +287,8 @@ fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
 
 fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
     let wanted = plan.records.and_then(|count| simplify.goal.triangles_wanted(count));
-    if plan.vertices.is_some_and(|count| count > 0) {
+    let is_measured = simplify.assume_sorted.is_none();
+    if is_measured && plan.vertices.is_some_and(|count| count > 0) {
         plan.stage(StageId::Measure, "measure how far the triangles are from sorted".to_owned());
     }
     plan.stage(StageId::Sort, "put the triangles in the order of a sweep".to_owned());
@@ -297,9 +298,11 @@ fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
     );
     plan.stage(StageId::Finish, "join the slabs, meet the count, place the vertices".to_owned());
     let colored = sizes.vertex > size_of::<Point>() as u64;
-    let disk_bytes = presort::disk_bytes_per_triangle(colored);
-    plan.add_temporary(plan.records.map(|count| count * disk_bytes));
-    plan.notes.push("triangles that are nearly sorted are not sorted on disk".to_owned());
+    if is_measured {
+        let disk_bytes = presort::disk_bytes_per_triangle(colored);
+        plan.add_temporary(plan.records.map(|count| count * disk_bytes));
+        plan.notes.push("triangles that are nearly sorted are not sorted on disk".to_owned());
+    }
     plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
 }
 

@@ -106,8 +106,9 @@ pub struct DecimateReport {
     pub metric: &'static str,
     /// The sweep axis.
     pub axis: &'static str,
-    /// How many triangles the worst one was late along that axis.
-    pub displacement_max: u64,
+    /// How many triangles the worst one was late along that axis; `None` when the order was neither
+    /// measured nor put right in passing.
+    pub displacement_max: Option<u64>,
     /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
     pub sorted_on_disk: bool,
     /// Slabs the stream was cut into.

@@ -194,8 +194,7 @@ impl Run<'_> {
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<Report> {
-        let wanted = |triangles| simplify.goal.triangles_wanted(triangles).unwrap_or(triangles);
-        let decimated = self.decimate_to_goal::<V>(inputs, simplify.metric, wanted)?;
+        let decimated = self.decimate_to_goal::<V>(inputs, simplify)?;
         let mut report = report_input(&decimated.survey, decimated.triangles_in);
         report.reached_target = Some(decimated.is_met());
         report.stopped_by = Some(if decimated.is_met() { "target" } else { "topology" });

@@ -142,11 +142,7 @@ impl Run<'_> {
         let target = match simplify.goal {
             Goal::Ratio(ratio) => stream::Target::Ratio(ratio),
             Goal::Triangles(triangles_wanted) => {
-                let of = triangles.ok_or_else(|| {
-                    let text = "how many triangles there are shows at the end of this input: a \
-                                single pass can keep a share of them (--ratio), not a number";
-                    Error::Request(text.to_owned())
-                })?;
+                let of = triangles.ok_or_else(count_unknown)?;
                 stream::Target::Count { triangles: triangles_wanted, of }
             }
             Goal::Cells(_) | Goal::CellSize(_) => unreachable!("cells are for clustering"),
@@ -166,7 +162,7 @@ impl Run<'_> {
     }
 
     /// The triangles, and how far from sorted they are unless that is promised.
-    fn ordered_source<V: Vertex>(
+    pub(super) fn ordered_source<V: Vertex>(
         &self,
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
@@ -186,9 +182,16 @@ impl Run<'_> {
     }
 }
 
+/// A count was asked for in a single pass over an input of unknown length.
+pub(super) fn count_unknown() -> Error {
+    let text = "how many triangles there are shows at the end of this input: a single pass can \
+                keep a share of them (--ratio), not a number";
+    Error::Request(text.to_owned())
+}
+
 /// How the stream is put in order in so much memory: in passing if it is, or is said to be, nearly
 /// sorted.
-fn sort_config<V: Vertex>(
+pub(super) fn sort_config<V: Vertex>(
     axis: SweepAxis,
     displacement_max: Option<u64>,
     memory_bytes: u64,

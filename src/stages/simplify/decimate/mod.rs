@@ -14,7 +14,7 @@ mod slab;
 use std::{
     sync::{
         Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering},
+        atomic::{AtomicU64, AtomicUsize, Ordering},
     },
     time::Duration,
 };
@@ -198,6 +198,7 @@ fn decimate_by<V: Vertex, M: mesh::Metric>(
         axis: config.axis,
         budget: workspace.budget(),
         under_way: AtomicUsize::new(0),
+        faces_left: AtomicU64::new(0),
         done: Mutex::default(),
     };
     rayon::in_place_scope(|scope| {
@@ -233,6 +234,8 @@ struct Work<'a, M: mesh::Metric> {
     meter: &'a Meter<'a>,
     budget: &'a Budget,
     under_way: AtomicUsize,
+    /// Faces that slabs have left so far.
+    faces_left: AtomicU64,
     done: Mutex<Done<M>>,
 }
 
@@ -251,6 +254,12 @@ impl<M: mesh::Metric> Work<'_, M> {
     /// Finds memory for a slab of so many triangles, after others if need be, and says whether it
     /// is to be worked on by the calling thread.
     fn admit(&self, triangles: u64) -> Result<(Reservation, bool)> {
+        let needed_bytes = self.faces_left.load(Ordering::Relaxed) * REST_BYTES_PER_TRIANGLE;
+        let available_bytes = self.budget.limit_bytes();
+        if needed_bytes > available_bytes {
+            // Better said now than at the end of the stream.
+            return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
+        }
         let bytes = triangles * (SLAB_BYTES_PER_TRIANGLE + FILLING_BYTES_PER_TRIANGLE);
         loop {
             let is_alone = self.under_way.load(Ordering::Acquire) == 0;
@@ -272,6 +281,8 @@ impl<M: mesh::Metric> Work<'_, M> {
     fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, room: Reservation) {
         let triangles = slab.triangles.len() as u64;
         let decimated = slab::decimate(slab, self.axis, (&self.limit, unit));
+        let faces_left = decimated.patch.faces.len() as u64;
+        self.faces_left.fetch_add(faces_left, Ordering::Relaxed);
         let counted = self.meter.add(triangles);
         let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
         match counted {
