@@ -83,8 +83,6 @@ pub struct Outcome<V> {
     pub degenerate: u64,
     /// Vertices left alone because their faces are no fan: non-manifold edges and vertices.
     pub complex_vertices: u64,
-    /// No collapse was left that would keep the surface what it is.
-    pub is_stuck: bool,
 }
 
 /// Triangles of a slab at least: large enough that few of its vertices lie on an interface.
@@ -321,7 +319,7 @@ fn finish<V: Vertex, M: mesh::Metric>(
     monitor.check(StageId::Finish)?;
     let mut mesh = Mesh::of_decimated(Patch::join(patches, |_| false));
     let complex_vertices = mesh.complex_vertices() as u64;
-    let finished = mesh::finish(&mut mesh, target);
+    mesh::finish(&mut mesh, target);
     M::place(&mut mesh);
     meter.add(faces)?;
     meter.finish();
@@ -334,12 +332,5 @@ fn finish<V: Vertex, M: mesh::Metric>(
         vertices: Column::Memory(vertices),
         triangles: Triangles::Memory(patch.faces),
     };
-    Ok(Outcome {
-        mesh,
-        triangles_target,
-        slabs: slab_count,
-        degenerate,
-        complex_vertices,
-        is_stuck: finished.is_stuck,
-    })
+    Ok(Outcome { mesh, triangles_target, slabs: slab_count, degenerate, complex_vertices })
 }
