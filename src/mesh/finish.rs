@@ -25,16 +25,27 @@ const ROUND_SHARE: f64 = 0.6;
 
 /// Decimates `mesh` to `faces` faces, or one fewer where only two at a time can go.
 pub fn finish<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> Finished {
-    let margin = (faces as f64 * SWEEP_MARGIN) as usize;
+    // One more: the last of an odd number must be chosen with care.
+    sweep_to(mesh, (faces as f64 * SWEEP_MARGIN) as usize, faces + 1);
+    let is_stuck = !collapse_in_order(mesh, faces);
+    Finished { faces: mesh.faces_left, is_stuck }
+}
+
+/// Decimates `mesh` to about `faces` faces, and not below, by one threshold for all of it.
+pub fn approach<M: Metric>(mesh: &mut Mesh<M>, faces: usize) {
+    sweep_to(mesh, faces, faces);
+}
+
+/// Sweeps with thresholds that rise until `faces` are left, or no collapse is; never goes below
+/// `least`.
+fn sweep_to<M: Metric>(mesh: &mut Mesh<M>, faces: usize, least: usize) {
     let mut cost = 0.0_f32;
-    while mesh.faces_left > margin {
+    while mesh.faces_left > faces {
         let before = mesh.faces_left;
-        let surplus = before - faces;
-        let aim = (before - (surplus as f64 * ROUND_SHARE) as usize).max(margin);
+        let surplus = before - least.min(faces);
+        let aim = (before - (surplus as f64 * ROUND_SHARE) as usize).max(faces);
         cost = guess_cost(mesh, aim).max(cost * 1.05).max(f32::MIN_POSITIVE);
-        // One more: the last of an odd number must be chosen with care.
-        let limit = Limit { cost, share: 0.0, faces: faces + 1 };
-        sweep_blocks(mesh, &limit);
+        sweep_blocks(mesh, &Limit { cost, share: 0.0, faces: least });
         if mesh.faces_left == before && !cost.is_finite() {
             break;
         }
@@ -42,8 +53,6 @@ pub fn finish<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> Finished {
             cost *= 2.0;
         }
     }
-    let is_stuck = !collapse_in_order(mesh, faces);
-    Finished { faces: mesh.faces_left, is_stuck }
 }
 
 /// Vertices looked at to guess a threshold.

@@ -89,6 +89,16 @@ impl<M: Metric> Patch<M> {
         whole
     }
 
+    /// Bytes of memory it takes.
+    #[must_use]
+    pub fn size_bytes(&self) -> usize {
+        size_of_val(&self.positions[..])
+            + size_of_val(&self.carried[..])
+            + size_of_val(&self.colors[..])
+            + size_of_val(&self.faces[..])
+            + size_of_val(&self.shared[..])
+    }
+
     fn with_room_for(patches: &[Self]) -> Self {
         let sum = |count: fn(&Self) -> usize| patches.iter().map(count).sum();
         Self {

@@ -45,6 +45,9 @@ pub(super) struct Rings {
 const RING_FACES_MAX: usize = u16::MAX as usize;
 
 impl Rings {
+    /// Bytes of memory of a vertex.
+    pub(super) const VERTEX_BYTES: usize = size_of::<Line>() + size_of::<u16>();
+
     /// Makes the rings of faces over `vertices` vertices; returns the faces left out because a
     /// vertex had too many.
     pub(super) fn of_faces(vertices: usize, faces: &[[u32; 3]]) -> (Self, usize) {

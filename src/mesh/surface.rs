@@ -9,6 +9,7 @@ use super::{
     metric::{Candidate, Metric},
     ring::{Rings, Wing},
 };
+use crate::soup::Vertex;
 
 /// No corner, no vertex.
 pub(super) const NONE: u32 = u32::MAX;
@@ -103,6 +104,16 @@ impl Color {
         }
         self.weight += other.weight;
     }
+}
+
+/// Bytes of memory a face takes, about, while a mesh is made of a patch: with half a vertex, since
+/// a surface has twice as many faces as vertices.
+#[must_use]
+pub fn face_bytes<V: Vertex, M: Metric>() -> u64 {
+    let color = if V::COLORED { size_of::<Color>() } else { 0 };
+    let patch = size_of::<Vec3>() + size_of::<M::Carried>() + 2 * size_of::<[u32; 3]>();
+    let mesh = size_of::<Spot>() + size_of::<M::Held>() + size_of::<State>() + size_of::<f32>();
+    ((patch + color + mesh + Rings::VERTEX_BYTES) / 2) as u64
 }
 
 /// A triangle mesh that edges can be collapsed in. All arrays are by vertex.

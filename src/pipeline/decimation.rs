@@ -95,7 +95,7 @@ impl Run<'_> {
         if in_passing.method != Method::Sort {
             return in_passing;
         }
-        let slabs = config.slab_bytes(self.job.threads as u64);
+        let slabs = config.slab_bytes::<V>(self.job.threads);
         let left = available.saturating_sub(slabs).max(available / WINDOW_SHARE);
         sort_config::<V>(axis, displacement_max, left)
     }

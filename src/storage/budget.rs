@@ -18,10 +18,10 @@ struct Shared {
     used_bytes: AtomicU64,
 }
 
-/// Bytes taken from a [`Budget`], given back on drop.
-#[derive(Debug)]
+/// Bytes taken from a [`Budget`], given back on drop. By default none, of no budget.
+#[derive(Debug, Default)]
 pub struct Reservation {
-    shared: Arc<Shared>,
+    shared: Option<Arc<Shared>>,
     bytes: u64,
 }
 
@@ -47,7 +47,7 @@ impl Budget {
     /// Takes `bytes`, or `None` when that much is not left.
     #[must_use]
     pub fn reserve(&self, bytes: u64) -> Option<Reservation> {
-        let mut empty = Reservation { shared: Arc::clone(&self.shared), bytes: 0 };
+        let mut empty = Reservation { shared: Some(Arc::clone(&self.shared)), bytes: 0 };
         empty.grow(bytes).then_some(empty)
     }
 
@@ -57,7 +57,7 @@ impl Budget {
     pub fn reserve_share(&self, share: f64, bytes_min: u64) -> Reservation {
         let bytes = ((self.available_bytes() as f64 * share) as u64).max(bytes_min);
         self.shared.used_bytes.fetch_add(bytes, Ordering::Relaxed);
-        Reservation { shared: Arc::clone(&self.shared), bytes }
+        Reservation { shared: Some(Arc::clone(&self.shared)), bytes }
     }
 }
 
@@ -71,21 +71,36 @@ impl Reservation {
     /// Takes `bytes` more, or changes nothing and returns false.
     #[must_use]
     pub fn grow(&mut self, bytes: u64) -> bool {
-        let limit = self.shared.limit_bytes;
-        let taken =
-            self.shared.used_bytes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |used| {
-                used.checked_add(bytes).filter(|total| *total <= limit)
-            });
+        let Some(shared) = &self.shared else { return bytes == 0 };
+        let limit = shared.limit_bytes;
+        let taken = shared.used_bytes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |used| {
+            used.checked_add(bytes).filter(|total| *total <= limit)
+        });
         if taken.is_ok() {
             self.bytes += bytes;
         }
         taken.is_ok()
     }
+
+    /// Gives back all but `bytes`.
+    pub fn shrink_to(&mut self, bytes: u64) {
+        let given_back = self.bytes.saturating_sub(bytes);
+        self.bytes -= given_back;
+        if let Some(shared) = &self.shared {
+            shared.used_bytes.fetch_sub(given_back, Ordering::Relaxed);
+        }
+    }
+
+    /// Takes over what another one of the same budget holds.
+    pub fn absorb(&mut self, mut other: Self) {
+        self.bytes += std::mem::take(&mut other.bytes);
+        self.shared = self.shared.take().or(other.shared.take());
+    }
 }
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        self.shared.used_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.shrink_to(0);
     }
 }
 
@@ -99,7 +114,13 @@ mod tests {
         let mut first = budget.reserve(60).unwrap();
         assert!(budget.reserve(41).is_none());
         assert!(first.grow(40) && !first.grow(1));
-        drop(first);
+        first.shrink_to(70);
+        assert_eq!((first.bytes(), budget.available_bytes()), (70, 30));
+        let mut both = Reservation::default();
+        both.absorb(first);
+        both.absorb(budget.reserve(20).unwrap());
+        assert_eq!((both.bytes(), budget.available_bytes()), (90, 10));
+        drop(both);
         assert_eq!(budget.available_bytes(), 100);
         assert_eq!(budget.reserve_share(0.5, 80).bytes(), 80);
     }

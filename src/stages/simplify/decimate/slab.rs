@@ -1,35 +1,25 @@
 //! One slab: from triangles to what is left of them.
 
-use super::cutter::Slab;
+use super::{
+    cutter::Slab,
+    piece::{Extent, Piece},
+};
 use crate::{
-    mesh::{Limit, Mesh, Metric, Patch, sweep_blocks, weld},
+    mesh::{Limit, Mesh, Metric, sweep_blocks, weld},
     soup::{SweepAxis, SweepPlace, Vertex},
+    storage::Reservation,
 };
 
-/// What is left of a slab.
-pub(super) struct Decimated<M: Metric> {
-    pub(super) index: u64,
-    /// Its frozen vertices are the shared ones.
-    pub(super) patch: Patch<M>,
-    /// What it would cost to remove some of its vertices.
-    pub(super) costs: Vec<f32>,
-    /// As of the slab.
-    pub(super) front: Vec<[f32; 3]>,
-    /// As of the slab.
-    pub(super) until: Option<SweepPlace>,
-    pub(super) degenerate: u64,
-}
-
-/// Of each so many vertices one is asked for its cost: a thousand of a slab.
-const COST_STEP: usize = 128;
-
-/// Decimates a slab to `limit`; vertices that have faces in other slabs stay.
+/// Decimates a slab to `limit`; vertices that have faces in other slabs stay. The slab's memory is
+/// `room`, as long as that takes.
 pub(super) fn decimate<V: Vertex, M: Metric>(
     slab: Slab<V>,
     axis: SweepAxis,
     (limit, unit): (&Limit, f32),
-) -> Decimated<M> {
+    room: Reservation,
+) -> Piece<M> {
     let Slab { index, triangles, front, until } = slab;
+    let count = triangles.len() as u64;
     let mut welded = weld(&triangles);
     drop(triangles);
     let mut shared: Vec<u32> = front.iter().filter_map(|p| welded.find(*p)).collect();
@@ -45,6 +35,9 @@ pub(super) fn decimate<V: Vertex, M: Metric>(
     welded.patch.unit = unit;
     let mut mesh = Mesh::of_original(welded.into_patch());
     sweep_blocks(&mut mesh, limit);
-    let costs = mesh.sample_costs(COST_STEP);
-    Decimated { index, patch: mesh.into_patch(), costs, front, until, degenerate }
+    Piece::of_mesh(
+        mesh,
+        Extent { level: 0, index, triangles: count, degenerate, front, until },
+        room,
+    )
 }

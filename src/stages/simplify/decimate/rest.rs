@@ -1,0 +1,61 @@
+//! What is left when the stream has ended: by one threshold for all of it to the wanted count.
+//!
+//! The threshold is guessed from what all pieces say of their costs. Groups of pieces go on to it
+//! in parallel, each within its interfaces; that leaves little to the last mesh, which one thread
+//! has to finish.
+
+use rayon::prelude::*;
+
+use super::piece::Piece;
+use crate::{
+    mesh::{Limit, Mesh, Metric, sweep_blocks},
+    soup::SweepAxis,
+};
+
+/// Groups at most: enough for all threads of most machines, and few enough that their interfaces
+/// do not matter.
+const GROUPS_MAX: usize = 16;
+
+/// Part of the surplus of faces that groups are to take away. The rest goes in the order of its
+/// cost, from all of the mesh; and the threshold is guessed.
+const SURPLUS_SHARE: f64 = 0.75;
+
+/// Brings the pieces, which are in order, together near `faces` faces.
+pub(super) fn decimate<M: Metric>(
+    pieces: Vec<Piece<M>>,
+    axis: SweepAxis,
+    faces: usize,
+) -> Vec<Piece<M>> {
+    let left = super::tree::faces_of(&pieces) as usize;
+    let surplus = left.saturating_sub(faces);
+    if pieces.len() < 2 || surplus == 0 {
+        return pieces;
+    }
+    let share = surplus as f64 * SURPLUS_SHARE / left as f64;
+    let mut costs: Vec<f32> = pieces.iter().flat_map(|piece| &piece.costs).copied().collect();
+    let Some(cost) = at_rank(&mut costs, share) else { return pieces };
+    let limit = Limit { cost, share: 0.0, faces: 0 };
+    let each = pieces.len().div_ceil(GROUPS_MAX);
+    let mut pieces = pieces.into_iter().peekable();
+    let mut groups: Vec<Vec<Piece<M>>> = Vec::new();
+    while pieces.peek().is_some() {
+        groups.push(pieces.by_ref().take(each).collect());
+    }
+    let groups = groups.into_par_iter().map(|group| Piece::join(group, axis));
+    let decimated = groups.map(|joined| {
+        let mut mesh = Mesh::of_decimated(joined.patch);
+        sweep_blocks(&mut mesh, &limit);
+        Piece::of_mesh(mesh, joined.extent, joined.room)
+    });
+    decimated.collect()
+}
+
+/// The cost that a share of all costs lie below.
+fn at_rank(costs: &mut [f32], share: f64) -> Option<f32> {
+    let rank = (costs.len() as f64 * share) as usize;
+    if rank >= costs.len() {
+        return None;
+    }
+    let (_, cost, _) = costs.select_nth_unstable_by(rank, f32::total_cmp);
+    Some(*cost)
+}

@@ -1,0 +1,197 @@
+//! The slabs of a stream on all threads, in the memory there is.
+
+use std::{
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+use super::{
+    Config,
+    cutter::Slab,
+    piece::Piece,
+    slab,
+    tree::{Tree, faces_of},
+};
+use crate::{
+    error::{Error, Result},
+    mesh::{self, Limit, Mesh},
+    progress::Meter,
+    soup::Vertex,
+    storage::{Budget, Reservation},
+};
+
+/// What [`Error::Resource`] names when a slab does not fit.
+const SLAB: &str = "a slab of the mesh";
+/// What [`Error::Resource`] names when the last mesh does not fit.
+pub(super) const REST: &str = "the mesh that slabs leave";
+
+/// How long a thread without work sleeps before it looks again.
+const NAP: Duration = Duration::from_micros(200);
+
+/// What the threads share.
+pub(super) struct Work<'a, M: mesh::Metric> {
+    config: &'a Config,
+    meter: &'a Meter<'a>,
+    budget: &'a Budget,
+    /// Bytes of a face in a mesh.
+    face_bytes: u64,
+    /// Slabs that are begun or wait for a thread.
+    under_way: AtomicUsize,
+    /// Faces that are left of those that are done.
+    faces_left: AtomicU64,
+    tree: Mutex<Tree<M>>,
+    failure: Mutex<Option<Error>>,
+}
+
+impl<'a, M: mesh::Metric> Work<'a, M> {
+    pub(super) fn new<V: Vertex>(
+        config: &'a Config,
+        meter: &'a Meter<'a>,
+        budget: &'a Budget,
+    ) -> Self {
+        Self {
+            config,
+            meter,
+            budget,
+            face_bytes: mesh::face_bytes::<V, M>(),
+            under_way: AtomicUsize::new(0),
+            faces_left: AtomicU64::new(0),
+            tree: Mutex::default(),
+            failure: Mutex::default(),
+        }
+    }
+
+    /// Gives a slab to the threads, and comes back when another one is wanted.
+    pub(super) fn start<'scope, V: Vertex>(
+        &'scope self,
+        scope: &rayon::Scope<'scope>,
+        slab: Slab<V>,
+        unit: f32,
+    ) -> Result<()>
+    where
+        'a: 'scope,
+    {
+        let slab_bytes = self.face_bytes + size_of::<[V; 3]>() as u64;
+        let room = self.room_for_slab(slab.triangles.len() as u64 * slab_bytes)?;
+        self.under_way.fetch_add(1, Ordering::AcqRel);
+        scope.spawn(move |_| self.run(slab, unit, room));
+        while self.under_way.load(Ordering::Acquire)
+            >= slabs_under_way(rayon::current_num_threads())
+        {
+            lend_a_hand();
+        }
+        self.check()
+    }
+
+    fn room_for_slab(&self, bytes: u64) -> Result<Reservation> {
+        loop {
+            // In this order: what is done after the first look gives its memory back before it.
+            let is_alone = self.under_way.load(Ordering::Acquire) == 0;
+            if let Some(room) = self.budget.reserve(bytes) {
+                self.check_rest()?;
+                return Ok(room);
+            }
+            if self.join_ready() {
+                continue;
+            }
+            if is_alone {
+                let available_bytes = self.budget.available_bytes();
+                return Err(Error::Resource { what: SLAB, needed_bytes: bytes, available_bytes });
+            }
+            lend_a_hand();
+        }
+    }
+
+    /// Better said now than at the end of the stream: what is left already is too much.
+    fn check_rest(&self) -> Result<()> {
+        let needed_bytes = self.faces_left.load(Ordering::Relaxed) * self.face_bytes;
+        let available_bytes = self.budget.limit_bytes();
+        if needed_bytes > available_bytes && !self.join_ready() {
+            return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
+        }
+        Ok(())
+    }
+
+    fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, room: Reservation) {
+        let triangles = slab.triangles.len() as u64;
+        let limit = Limit { cost: f32::INFINITY, share: self.config.share(0), faces: 0 };
+        let piece = slab::decimate(slab, self.config.axis, (&limit, unit), room);
+        self.add(piece);
+        if let Err(cancelled) = self.meter.add(triangles) {
+            let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+            *failure = Some(cancelled.into());
+        }
+        while self.join_ready() {}
+        self.under_way.fetch_sub(1, Ordering::AcqRel);
+    }
+
+    fn add(&self, piece: Piece<M>) {
+        self.faces_left.fetch_add(piece.faces(), Ordering::Relaxed);
+        self.tree().add(piece, |level, triangles| self.config.faces_left(level, triangles));
+    }
+
+    /// Joins neighbours that wait for it, if there are any and the memory is there.
+    fn join_ready(&self) -> bool {
+        let admit = |family: &[Piece<M>]| self.room_for_mesh(family);
+        let Some((family, room)) = self.tree().take_ready(admit) else { return false };
+        let faces_before = faces_of(&family);
+        let mut joined = Piece::join(family, self.config.axis);
+        joined.room.absorb(room);
+        let inside = self.config.faces_left(joined.extent.level, joined.extent.triangles);
+        // A frozen vertex has a face or two.
+        let faces = inside as usize + 2 * joined.patch.shared.len();
+        let mut mesh = Mesh::of_decimated(joined.patch);
+        mesh::approach(&mut mesh, faces);
+        self.add(Piece::of_mesh(mesh, joined.extent, joined.room));
+        self.faces_left.fetch_sub(faces_before, Ordering::Relaxed);
+        true
+    }
+
+    /// What pieces need beside what they hold to become a mesh.
+    fn room_for_mesh(&self, pieces: &[Piece<M>]) -> Option<Reservation> {
+        let held: u64 = pieces.iter().map(|piece| piece.room.bytes()).sum();
+        self.budget.reserve((faces_of(pieces) * self.face_bytes).saturating_sub(held))
+    }
+
+    /// All that is left, in the order of the stream, and the memory to make one mesh of it.
+    pub(super) fn finish(self) -> Result<(Vec<Piece<M>>, Reservation)> {
+        self.check()?;
+        while self.join_ready() {}
+        let Self { budget, face_bytes, .. } = self;
+        let tree = std::mem::take(&mut *self.tree());
+        let pieces = tree.into_pieces();
+        match self.room_for_mesh(&pieces) {
+            Some(room) => Ok((pieces, room)),
+            None => Err(Error::Resource {
+                what: REST,
+                needed_bytes: faces_of(&pieces) * face_bytes,
+                available_bytes: budget.limit_bytes(),
+            }),
+        }
+    }
+
+    fn tree(&self) -> MutexGuard<'_, Tree<M>> {
+        self.tree.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn check(&self) -> Result<()> {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
+        failure.map_or(Ok(()), Err)
+    }
+}
+
+/// Slabs that are begun or wait, at most: one more than threads, so that none of them runs out of
+/// work while the one that reads has taken a slab itself.
+pub(super) fn slabs_under_way(threads: usize) -> usize {
+    if threads == 1 { 1 } else { threads + 1 }
+}
+
+/// Works on whatever the pool has to do, or sleeps for a moment.
+fn lend_a_hand() {
+    if rayon::yield_now().is_none_or(|done| done == rayon::Yield::Idle) {
+        std::thread::sleep(NAP);
+    }
+}
