@@ -37,7 +37,7 @@ fn main() -> Result<()> {
 
 fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> Result<()> {
     let monitor = Monitor::silent();
-    let order = presort::measure_order(source, &monitor)?;
+    let (order, _) = presort::measure_order(source, &monitor, |_| false)?;
     println!("late by at most {order:?} along x, y, z");
     let memory_bytes = workspace.budget().limit_bytes();
     let (axis, displacement_max) = (SweepAxis::Z, order.displacement_max[2]);
@@ -60,7 +60,10 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
     };
     let absorb = || sort(Method::Absorb { displacement_max });
     let sorted = || sort(Method::Sort);
-    let order = || presort::measure_order(source, &monitor).map(|order| order.displacement_max[2]);
+    let order = || {
+        let measured = presort::measure_order(source, &monitor, |_| false);
+        measured.map(|(order, _)| order.displacement_max[2])
+    };
     let ways: [(&str, &dyn Fn() -> Result<u64>); 4] =
         [("read", &read), ("measure", &order), ("absorb", &absorb), ("sort", &sorted)];
     let mut seconds = [const { Vec::new() }; 4];

@@ -1,18 +1,18 @@
 //! A bounded sample of positions from a stream of any length.
 
-/// A sample of positions, the same for any number of threads that took it.
+/// A sample of positions: the same for any number of threads that took it, and any order.
 #[derive(Clone, Debug, Default)]
 pub struct Sample {
-    /// The positions.
+    /// The positions, each once.
     pub points: Vec<[f32; 3]>,
     /// Distinct vertices that the sample stands for, about.
     pub vertices: u64,
 }
 
-/// Picks positions by a hash of their index: about 131,072 of however many come.
+/// Picks positions by a hash of them: about 131,072 of however many come.
 #[derive(Clone, Debug)]
 pub struct Sampler {
-    /// An index is in the sample when its hash is at most this.
+    /// A position is in the sample when its hash is at most this.
     threshold: u64,
     picked: Vec<(u64, [f32; 3])>,
 }
@@ -21,6 +21,10 @@ pub struct Sampler {
 /// rests when cells are many, is then known to 3 % at 5 M cells, and a look takes 4 ms.
 const SAMPLE_MAX: usize = 1 << 17;
 
+/// So many times that are picked before it is worth looking for duplicates: corners of a soup are
+/// about six to a vertex.
+const CROWD: usize = 4;
+
 impl Default for Sampler {
     fn default() -> Self {
         Self { threshold: u64::MAX, picked: Vec::new() }
@@ -28,24 +32,27 @@ impl Default for Sampler {
 }
 
 impl Sampler {
-    /// Looks at positions with consecutive indices from `first`. Positions that are not finite
-    /// are passed over.
-    pub fn look(&mut self, first: u64, positions: impl Iterator<Item = [f32; 3]>) {
-        for (index, position) in (first..).zip(positions) {
-            if hash(index) <= self.threshold && position.iter().all(|c| c.is_finite()) {
-                self.picked.push((index, position));
-                if self.picked.len() > 2 * SAMPLE_MAX {
-                    self.thin_out(2 * SAMPLE_MAX);
+    /// Looks at positions. Those that are not finite are passed over.
+    pub fn look(&mut self, positions: impl Iterator<Item = [f32; 3]>) {
+        for position in positions {
+            let hash = hash(position);
+            if hash <= self.threshold && position.iter().all(|c| c.is_finite()) {
+                self.picked.push((hash, position));
+                if self.picked.len() > CROWD * SAMPLE_MAX {
+                    self.thin_out(SAMPLE_MAX);
                 }
             }
         }
     }
 
-    /// Halves the share of indices in the sample until it is small enough.
+    /// Halves the share of positions in the sample until it is small enough.
     fn thin_out(&mut self, count_max: usize) {
+        let same = |(hash, position): &(u64, [f32; 3])| (*hash, position.map(f32::to_bits));
+        self.picked.sort_unstable_by_key(same);
+        self.picked.dedup_by_key(|picked| same(picked));
         while self.picked.len() > count_max {
             self.threshold /= 2;
-            self.picked.retain(|(index, _)| hash(*index) <= self.threshold);
+            self.picked.truncate(self.picked.partition_point(|(hash, _)| *hash <= self.threshold));
         }
     }
 
@@ -55,21 +62,21 @@ impl Sampler {
     pub fn finish(samplers: Vec<Self>, vertices: u64) -> Sample {
         let threshold = samplers.iter().map(|s| s.threshold).min().unwrap_or(u64::MAX);
         let picked = samplers.into_iter().flat_map(|s| s.picked);
-        let picked = picked.filter(|(index, _)| hash(*index) <= threshold).collect();
+        let picked = picked.filter(|(hash, _)| *hash <= threshold).collect();
         let mut all = Self { threshold, picked };
         all.thin_out(SAMPLE_MAX);
-        all.picked.sort_unstable_by_key(|(index, _)| *index);
         Sample { points: all.picked.into_iter().map(|(_, point)| point).collect(), vertices }
     }
 }
 
-/// Mixes the bits of an index (the finaliser of MurmurHash3), so that regular meshes are not
-/// sampled along their rows.
-fn hash(index: u64) -> u64 {
-    let mut x = index ^ (index >> 33);
-    x = x.wrapping_mul(0xFF51_AFD7_ED55_8CCD);
-    x ^= x >> 33;
-    x = x.wrapping_mul(0xC4CE_B9FE_1A85_EC53);
+/// Mixes the bits of a position, −0 as +0, with the finaliser of `MurmurHash3` at the end: regular
+/// meshes are not to be sampled along their rows.
+#[inline]
+fn hash(position: [f32; 3]) -> u64 {
+    let [a, b, c] = position.map(|coordinate| u64::from((coordinate + 0.0).to_bits()));
+    let x = (a | b << 32).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ c.rotate_left(23);
+    let x = (x ^ (x >> 33)).wrapping_mul(0xFF51_AFD7_ED55_8CCD);
+    let x = (x ^ (x >> 33)).wrapping_mul(0xC4CE_B9FE_1A85_EC53);
     x ^ (x >> 33)
 }
 
@@ -85,10 +92,12 @@ mod tests {
     fn the_sample_does_not_depend_on_who_took_it() {
         let points = square(1000);
         let mut one = Sampler::default();
-        one.look(0, points.iter().copied());
+        one.look(points.iter().copied());
         let mut two = [Sampler::default(), Sampler::default()];
         for (index, chunk) in points.chunks(10_000).enumerate() {
-            two[usize::from(index % 3 == 0)].look(index as u64 * 10_000, chunk.iter().copied());
+            // Backwards, and some of them again.
+            let again = chunk.iter().rev().chain(&chunk[..index]).copied();
+            two[usize::from(index % 3 == 0)].look(again);
         }
         let [one, two] =
             [vec![one], two.to_vec()].map(|samplers| Sampler::finish(samplers, 1_000_000));

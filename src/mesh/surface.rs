@@ -233,6 +233,39 @@ impl<M: Metric> Mesh<M> {
         left.filter(complex).count()
     }
 
+    /// Vertices that are more than so many edges away from what looks like a boundary.
+    #[must_use]
+    pub fn far_from_boundary(&self, edges: usize) -> Vec<u32> {
+        let mut is_near: Vec<bool> = self.states.iter().map(|s| *s != State::INNER).collect();
+        let near = is_near.iter().zip(0..).filter(|(is_near, _)| **is_near);
+        let mut border: Vec<u32> = near.map(|(_, vertex)| vertex).collect();
+        for _ in 0..edges {
+            let mut next = Vec::new();
+            for wing in border.iter().flat_map(|vertex| self.rings.of(*vertex)) {
+                for vertex in [wing.next, wing.prev] {
+                    if !std::mem::replace(&mut is_near[vertex as usize], true) {
+                        next.push(vertex);
+                    }
+                }
+            }
+            border = next;
+        }
+        (0..self.states.len() as u32).filter(|vertex| !is_near[*vertex as usize]).collect()
+    }
+
+    /// Whether a vertex has been collapsed into another one.
+    #[must_use]
+    pub fn is_gone(&self, vertex: u32) -> bool {
+        self.rings.count(vertex) == 0
+    }
+
+    /// Leaves alone what looks like a boundary: there the mesh was cut out of a larger one.
+    pub fn freeze_boundary(&mut self) {
+        for state in self.states.iter_mut().filter(|state| **state != State::INNER) {
+            *state = state.frozen();
+        }
+    }
+
     /// Collapses `removed`, whose ring is given, into a neighbour, and returns the faces that are
     /// gone.
     #[inline]

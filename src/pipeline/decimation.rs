@@ -8,10 +8,10 @@ use super::{
 use crate::{
     error::Result,
     formats::Findings,
-    soup::{OpenInput, Source, SweepAxis, Vertex},
+    soup::{OpenInput, Source, SweepAxis, Triangle, Vertex},
     stages::{
         convert::{
-            import::Survey,
+            import::{self, Survey},
             presort::{self, Method},
         },
         simplify::decimate::{self, Wanted},
@@ -35,6 +35,19 @@ impl<V: Vertex> Decimated<V> {
     }
 }
 
+/// What a first pass over the triangles tells.
+struct Sampled<V> {
+    order: presort::Order,
+    blobs: Option<decimate::Blobs>,
+    triangles: Vec<Triangle<V>>,
+}
+
+impl<V: Vertex> Sampled<V> {
+    fn threshold(self, config: &decimate::Config) -> Option<decimate::Threshold> {
+        decimate::threshold(config, self.blobs.as_ref()?, self.triangles)
+    }
+}
+
 /// Share of the budget that the window of a nearly sorted stream may take; beyond it the stream
 /// is sorted like any other.
 const WINDOW_SHARE: u64 = 4;
@@ -46,8 +59,13 @@ impl Run<'_> {
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<Decimated<V>> {
-        let (source, survey, order) = self.ordered_source::<V>(inputs, simplify)?;
+        let import::Outcome { source, survey } = self.import_ordered::<V>(inputs, simplify)?;
         let axis = simplify.assume_sorted.unwrap_or(SweepAxis::ALL[survey.bounds.longest_axis()]);
+        let sampled = match simplify.assume_sorted {
+            Some(_) => None,
+            None => Some(self.sample(&source, &survey)?),
+        };
+        let order = sampled.as_ref().map(|sampled| sampled.order);
         let triangles = order.map(|order| order.triangles).or(source.records());
         let wanted = match (simplify.goal, triangles) {
             (Goal::Ratio(ratio), _) => Wanted::Ratio(ratio),
@@ -57,7 +75,11 @@ impl Run<'_> {
             (_, None) => return Err(count_unknown()),
         };
         let metric = simplify.metric;
-        let config = decimate::Config { axis, triangles, wanted, metric };
+        let slab_triangles_min = decimate::SLAB_TRIANGLES_MIN;
+        let threshold = None;
+        let mut config =
+            decimate::Config { axis, triangles, wanted, metric, slab_triangles_min, threshold };
+        config.threshold = sampled.and_then(|sampled| sampled.threshold(&config));
         let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
         let sort = self.presort_config::<V>(axis, displacement_max, &config);
         let mut sorted = None;
@@ -80,6 +102,14 @@ impl Run<'_> {
         };
         let (findings, triangles_in) = (sorted.findings, sorted.triangles);
         Ok(Decimated { outcome, survey, findings, triangles_in, report })
+    }
+
+    /// Measures the order of all triangles, and takes some of them aside.
+    fn sample<V: Vertex>(&self, source: &Source<V>, survey: &Survey) -> Result<Sampled<V>> {
+        let blobs = decimate::Blobs::choose(&survey.sample, &survey.bounds, survey.triangles());
+        let is_chosen = |triangle: &Triangle<V>| blobs.as_ref().is_some_and(|b| b.takes(triangle));
+        let (order, triangles) = presort::measure_order(source, self.monitor, is_chosen)?;
+        Ok(Sampled { order, blobs, triangles })
     }
 
     /// How the stream is put in order: in passing in a share of the memory, or in all of it that

@@ -161,14 +161,23 @@ impl Run<'_> {
         Ok(Streaming { source, survey, sort, config, displacement_max })
     }
 
+    /// The triangles, and what must be known of them to put them in order.
+    pub(super) fn import_ordered<V: Vertex>(
+        &self,
+        inputs: Vec<OpenInput>,
+        simplify: &Simplify,
+    ) -> Result<import::Outcome<V>> {
+        let need = simplify.assume_sorted.map_or(Need::Order, |_| Need::Triangles);
+        self.import::<V>(inputs, need)
+    }
+
     /// The triangles, and how far from sorted they are unless that is promised.
-    pub(super) fn ordered_source<V: Vertex>(
+    fn ordered_source<V: Vertex>(
         &self,
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<(Source<V>, Survey, Option<presort::Order>)> {
-        let need = simplify.assume_sorted.map_or(Need::Order, |_| Need::Triangles);
-        let import::Outcome { source, survey } = self.import::<V>(inputs, need)?;
+        let import::Outcome { source, survey } = self.import_ordered::<V>(inputs, simplify)?;
         if simplify.assume_sorted.is_some() {
             return Ok((source, survey, None));
         }
@@ -176,7 +185,7 @@ impl Run<'_> {
             (Some(displacement_max), Some(triangles)) => {
                 presort::Order { displacement_max, triangles }
             }
-            _ => presort::measure_order(&source, self.monitor)?,
+            _ => presort::measure_order(&source, self.monitor, |_| false)?.0,
         };
         Ok((source, survey, Some(order)))
     }

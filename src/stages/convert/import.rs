@@ -202,7 +202,7 @@ impl Job<'_> {
         while reader.read_batch(&mut batch).map_err(|error| error.in_file(&path))? {
             meter.add(batch.count() as u64)?;
             if batch.content == Content::Vertices {
-                sampler.look(table.count, batch.positions.iter().copied());
+                sampler.look(batch.positions.iter().copied());
                 bad |= look_at(&batch.positions, &mut self.look.bounds);
                 table.make_room(batch.positions.len() as u64, self.workspace)?;
                 table.extend(&batch)?;
@@ -280,8 +280,9 @@ impl Job<'_> {
         let work = |taken: &Taken<'_, V>, (minima, bounds): &mut (Minima, Bounds)| {
             let spare = lock().pop();
             let mut sampler = spare.unwrap_or_default();
-            let corners = taken.triangles.iter().map(|triangle| triangle.0[0].position());
-            sampler.look(taken.first_record, corners);
+            // All corners, as those of an indexed mesh: the sample is to be that of the surface.
+            let corners = taken.triangles.iter().flat_map(|triangle| &triangle.0);
+            sampler.look(corners.map(V::position));
             lock().push(sampler);
             minima.fill(taken.triangles, bounds);
         };
@@ -333,13 +334,10 @@ impl Job<'_> {
         let (mut scratch, mut sampler) = (Scratch::default(), Sampler::default());
         let mut minima = Minima::default();
         while let Some(taken) = pass.next(&mut scratch)? {
-            look_at_triangles(
-                taken.triangles,
-                taken.first_record,
-                &mut sampler,
-                &mut self.look.bounds,
-            );
+            look_at_triangles(taken.triangles, &mut sampler, &mut self.look.bounds);
             if let Some(order) = &mut self.look.order {
+                let corners = taken.triangles.iter().flat_map(|triangle| &triangle.0);
+                sampler.look(corners.map(V::position));
                 minima.fill(taken.triangles, &mut self.look.bounds);
                 order.add(&minima);
             }
@@ -378,11 +376,10 @@ fn look_at(positions: &[[f32; 3]], bounds: &mut Bounds) -> bool {
 
 fn look_at_triangles<V: Vertex>(
     triangles: &[Triangle<V>],
-    first: u64,
     sampler: &mut Sampler,
     bounds: &mut Bounds,
 ) {
-    sampler.look(first, triangles.iter().map(|triangle| triangle.0[0].position()));
+    sampler.look(triangles.iter().map(|triangle| triangle.0[0].position()));
     for triangle in triangles {
         triangle.0.iter().for_each(|vertex| bounds.add(vertex.position()));
     }
@@ -396,7 +393,7 @@ fn look_at_soup<V: Vertex>(
     let (mut bounds, mut sampler, mut seen) = (Bounds::default(), Sampler::default(), 0);
     let mut scratch = Scratch::default();
     while let Some(taken) = pass.next(&mut scratch)? {
-        look_at_triangles(taken.triangles, taken.first_record, &mut sampler, &mut bounds);
+        look_at_triangles(taken.triangles, &mut sampler, &mut bounds);
         seen += taken.triangles.len() as u64;
         meter.add(taken.records)?;
     }

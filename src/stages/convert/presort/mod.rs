@@ -238,24 +238,46 @@ pub struct Order {
     pub triangles: u64,
 }
 
-/// Measures how far the triangles of `source` are from sorted, and counts them. One pass, on all
-/// threads, in constant memory.
+/// Measures how far the triangles of `source` are from sorted, and counts them. Those that
+/// `is_chosen` are returned, too, in their order. One pass, on all threads; memory for the chosen
+/// ones.
 ///
 /// # Errors
 /// What reading the source fails with, cancellation.
-pub fn measure_order<V: Vertex>(source: &Source<V>, monitor: &Monitor) -> Result<Order> {
+pub fn measure_order<V: Vertex>(
+    source: &Source<V>,
+    monitor: &Monitor,
+    is_chosen: impl Fn(&Triangle<V>) -> bool + Sync,
+) -> Result<(Order, Vec<Triangle<V>>)> {
     let meter = monitor.meter(StageId::Measure, source.records());
     let mut order = OrderMeter::new(MAXIMA_DEFAULT);
-    let look = |taken: &Taken<'_, V>, (minima, bounds, count): &mut (Minima, Bounds, u64)| {
-        minima.fill(taken.triangles, bounds);
-        *count = taken.triangles.len() as u64;
+    let look = |taken: &Taken<'_, V>, batch: &mut Measured<V>| {
+        batch.minima.fill(taken.triangles, &mut batch.bounds);
+        batch.count = taken.triangles.len() as u64;
+        let chosen = taken.triangles.iter().filter(|triangle| is_chosen(triangle));
+        batch.chosen.extend(chosen);
     };
-    let mut triangles = 0;
-    for_each_in_order(source, &meter, look, |(minima, _, count)| {
-        order.add(minima);
-        triangles += *count;
+    let (mut triangles, mut chosen) = (0, Vec::new());
+    for_each_in_order(source, &meter, look, |batch| {
+        order.add(&batch.minima);
+        triangles += batch.count;
+        chosen.append(&mut batch.chosen);
         Ok(())
     })?;
     meter.finish();
-    Ok(Order { displacement_max: order.displacement_max(), triangles })
+    Ok((Order { displacement_max: order.displacement_max(), triangles }, chosen))
+}
+
+/// What a thread measures of a batch.
+struct Measured<V> {
+    minima: Minima,
+    bounds: Bounds,
+    count: u64,
+    chosen: Vec<Triangle<V>>,
+}
+
+impl<V> Default for Measured<V> {
+    fn default() -> Self {
+        Self { minima: Minima::default(), bounds: Bounds::default(), count: 0, chosen: Vec::new() }
+    }
 }

@@ -122,7 +122,7 @@ mod tests {
     fn occupied_cells_are_known_within_a_tenth_far_beyond_the_sample() {
         let (points, bounds) = square(1500);
         let mut sampler = Sampler::default();
-        sampler.look(0, points.iter().copied());
+        sampler.look(points.iter().copied());
         let sample = Sampler::finish(vec![sampler], points.len() as u64);
         for cells in [20, 100, 300, 600, 1000] {
             let grid = Grid::with_cells(&bounds, cells).unwrap();

@@ -7,20 +7,26 @@
 //! the wanted number of triangles by one threshold for all of it. The seams are inside that mesh,
 //! and so are no longer there.
 
+mod blobs;
 mod cutter;
 mod piece;
 mod rest;
 mod slab;
+#[cfg(test)]
+mod tests;
+mod threshold;
 mod tree;
 mod work;
 
+pub use blobs::Blobs;
 use cutter::{Cutter, Slab};
 use piece::Piece;
+pub use threshold::{Threshold, threshold};
 use work::{REST, Work, slabs_under_way};
 
 use crate::{
     error::{Error, Result},
-    mesh::{self, ByQuadric, ByVolume, Mesh, Patch},
+    mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch},
     progress::{Monitor, StageId},
     soup::{Column, IndexedMesh, SweepAxis, Triangle, Triangles, Vertex},
     storage::Workspace,
@@ -37,6 +43,10 @@ pub struct Config {
     pub wanted: Wanted,
     /// What decides which edges are collapsed, and where to.
     pub metric: Metric,
+    /// Triangles of a slab at least: [`SLAB_TRIANGLES_MIN`], but for tests.
+    pub slab_triangles_min: u64,
+    /// Up to what cost slabs are decimated, if that is known; else to a share of their vertices.
+    pub threshold: Option<Threshold>,
 }
 
 /// How many triangles are wanted.
@@ -83,7 +93,7 @@ pub struct Outcome<V> {
 }
 
 /// Triangles of a slab at least: large enough that few of its vertices lie on an interface.
-const SLAB_TRIANGLES_MIN: u64 = 1 << 18;
+pub const SLAB_TRIANGLES_MIN: u64 = 1 << 18;
 /// Triangles of a slab, times the square root of all, as they turn out on a ball of gyroid: the
 /// front of a surface grows like this square root.
 const SLAB_ROOT_FACTOR: f64 = 80.0;
@@ -105,18 +115,33 @@ impl Config {
     #[must_use]
     pub fn slab_triangles(&self) -> u64 {
         let by_front = |triangles: u64| ((triangles as f64).sqrt() * SLAB_ROOT_FACTOR) as u64;
-        SLAB_TRIANGLES_MIN.max(self.triangles.map_or(0, by_front))
+        self.slab_triangles_min.max(self.triangles.map_or(0, by_front))
     }
 
-    /// Share of its vertices that a block of a slab keeps, and that a level of joined pieces does.
+    /// Share of the triangles that is wanted, as far as it is known.
+    fn ratio(&self) -> Option<f64> {
+        match (self.wanted, self.triangles) {
+            (Wanted::Ratio(ratio), _) => Some(ratio),
+            (Wanted::Triangles(wanted), of) => Some(wanted as f64 / of?.max(1) as f64),
+        }
+    }
+
+    /// What slabs are decimated to.
+    fn slab_limit(&self) -> Limit {
+        match self.threshold {
+            Some(threshold) => Limit { cost: threshold.cost, share: 0.0, faces: 0 },
+            None => Limit { cost: f32::INFINITY, share: self.share(0), faces: 0 },
+        }
+    }
+
+    /// Share of the triangles that is left, interfaces apart, of slabs and of levels of joined ones.
     fn share(&self, level: u32) -> f64 {
-        let ratio = match (self.wanted, self.triangles) {
-            (Wanted::Ratio(ratio), _) => ratio,
-            (Wanted::Triangles(wanted), Some(triangles)) => wanted as f64 / triangles.max(1) as f64,
-            (Wanted::Triangles(_), None) => 1.0,
+        let ratio = self.ratio().unwrap_or(1.0);
+        let by_ratio = || {
+            let extra = SHARE_EXTRA / (tree::FAMILY as f64).powi(level as i32);
+            (ratio * SHARE_FACTOR + extra).min(1.0)
         };
-        let extra = SHARE_EXTRA / (tree::FAMILY as f64).powi(level as i32);
-        (ratio * SHARE_FACTOR + extra).min(1.0)
+        self.threshold.map_or_else(by_ratio, |threshold| threshold.share)
     }
 
     /// Faces that are to be left of so many triangles at a level, interfaces apart.
@@ -197,8 +222,8 @@ fn decimate_by<V: Vertex, M: mesh::Metric>(
     let work = Work::<M>::new::<V>(config, &meter, workspace.budget());
     let mut slabs = 0;
     rayon::in_place_scope(|scope| {
-        let mut cutter = Cutter::new(config.axis, SLAB_TRIANGLES_MIN as usize);
-        let (mut unit, work) = (None, &work);
+        let mut cutter = Cutter::new(config.axis, config.slab_triangles_min as usize);
+        let (mut unit, work) = (config.threshold.map(|threshold| threshold.unit), &work);
         let mut start = |slab: Slab<V>| {
             slabs += 1;
             let unit = *unit.get_or_insert_with(|| mesh::unit_of(&slab.triangles));

@@ -51,7 +51,7 @@ pub(super) fn decimate<M: Metric>(
 }
 
 /// The cost that a share of all costs lie below.
-fn at_rank(costs: &mut [f32], share: f64) -> Option<f32> {
+pub(super) fn at_rank(costs: &mut [f32], share: f64) -> Option<f32> {
     let rank = (costs.len() as f64 * share) as usize;
     if rank >= costs.len() {
         return None;

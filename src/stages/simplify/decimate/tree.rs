@@ -37,9 +37,8 @@ impl<M: Metric> Default for Tree<M> {
 }
 
 impl<M: Metric> Tree<M> {
-    /// Adds a piece. `faces` says how many of the faces of so many triangles are to be left, at
-    /// a level.
-    pub(super) fn add(&mut self, piece: Piece<M>, faces: impl Fn(u32, u64) -> u64) {
+    /// Adds a piece. `faces_after` says how many faces joining some neighbours would leave.
+    pub(super) fn add(&mut self, piece: Piece<M>, faces_after: impl Fn(&[Piece<M>]) -> u64) {
         let level = piece.extent.level;
         if level == LEVELS {
             self.rest.push(piece);
@@ -53,8 +52,7 @@ impl<M: Metric> Tree<M> {
         }
         let mut family = self.waiting.remove(&parent).unwrap_or_default();
         family.sort_unstable_by_key(|piece| piece.extent.index);
-        let triangles = family.iter().map(|piece| piece.extent.triangles).sum();
-        if is_worth_joining(faces_of(&family), faces(level + 1, triangles)) {
+        if is_worth_joining(faces_of(&family), faces_after(&family)) {
             self.ready.push(family);
         } else {
             self.rest.append(&mut family);

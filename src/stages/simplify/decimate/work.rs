@@ -11,13 +11,13 @@ use std::{
 use super::{
     Config,
     cutter::Slab,
-    piece::Piece,
+    piece::{Extent, Piece},
     slab,
     tree::{Tree, faces_of},
 };
 use crate::{
     error::{Error, Result},
-    mesh::{self, Limit, Mesh},
+    mesh::{self, Mesh},
     progress::Meter,
     soup::Vertex,
     storage::{Budget, Reservation},
@@ -117,7 +117,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
 
     fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, room: Reservation) {
         let triangles = slab.triangles.len() as u64;
-        let limit = Limit { cost: f32::INFINITY, share: self.config.share(0), faces: 0 };
+        let limit = self.config.slab_limit();
         let piece = slab::decimate(slab, self.config.axis, (&limit, unit), room);
         self.add(piece);
         if let Err(cancelled) = self.meter.add(triangles) {
@@ -130,7 +130,23 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
 
     fn add(&self, piece: Piece<M>) {
         self.faces_left.fetch_add(piece.faces(), Ordering::Relaxed);
-        self.tree().add(piece, |level, triangles| self.config.faces_left(level, triangles));
+        self.tree().add(piece, |family| self.faces_after(family));
+    }
+
+    /// Faces that are left of neighbours when they are joined and decimated, about.
+    fn faces_after(&self, family: &[Piece<M>]) -> u64 {
+        let (faces, shared) = family.iter().fold((0, 0), |(faces, shared), piece| {
+            (faces + piece.faces(), shared + piece.patch.shared.len() as u64)
+        });
+        match self.config.threshold {
+            // Most of what is shared is shared among them, with two faces a vertex.
+            Some(_) => (faces - (3 * shared / 2).min(faces)).min(faces),
+            None => {
+                let triangles = family.iter().map(|piece| piece.extent.triangles).sum();
+                let level = family.first().map_or(0, |piece| piece.extent.level);
+                self.config.faces_left(level + 1, triangles)
+            }
+        }
     }
 
     /// Joins neighbours that wait for it, if there are any and the memory is there.
@@ -139,12 +155,16 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let Some((family, room)) = self.tree().take_ready(admit) else { return false };
         let faces_before = faces_of(&family);
         let mut joined = Piece::join(family, self.config.axis);
+        let frozen = 2 * joined.patch.shared.len();
         joined.room.absorb(room);
-        let inside = self.config.faces_left(joined.extent.level, joined.extent.triangles);
-        // A frozen vertex has a face or two.
-        let faces = inside as usize + 2 * joined.patch.shared.len();
         let mut mesh = Mesh::of_decimated(joined.patch);
-        mesh::approach(&mut mesh, faces);
+        if self.config.threshold.is_some() {
+            mesh::sweep_blocks(&mut mesh, &self.config.slab_limit());
+        } else {
+            let Extent { level, triangles, .. } = joined.extent;
+            // A frozen vertex has a face or two.
+            mesh::approach(&mut mesh, self.config.faces_left(level, triangles) as usize + frozen);
+        }
         self.add(Piece::of_mesh(mesh, joined.extent, joined.room));
         self.faces_left.fetch_sub(faces_before, Ordering::Relaxed);
         true

@@ -1,0 +1,167 @@
+//! Slabs against one mesh in core, on surfaces whose height is known at every point.
+
+use glam::DVec3;
+
+use super::*;
+use crate::{
+    geometry::{Bounds, Sampler},
+    soup::{Point, SweepKey, Vertex as _},
+};
+
+type Soup = Vec<Triangle<Point>>;
+
+/// A strip of squares cut in two, `length` times `width` of them, each of side 1 / `width`.
+fn strip(length: u32, width: u32, height: fn(f32, f32) -> f32) -> Soup {
+    let corner = |x: u32, y: u32| {
+        let (x, y) = (x as f32 / width as f32, y as f32 / width as f32);
+        Point([x, y, height(x, y)])
+    };
+    let squares = (0..length).flat_map(|x| (0..width).map(move |y| (x, y)));
+    let cut = |(x, y)| {
+        let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+        [Triangle([a, b, c]), Triangle([c, d, a])]
+    };
+    let mut soup: Soup = squares.flat_map(cut).collect();
+    soup.sort_by_key(|triangle| SweepKey::of(triangle, SweepAxis::X));
+    soup
+}
+
+fn hills(x: f32, y: f32) -> f32 {
+    0.1 * (9.0 * x + 1.0).sin() * (7.0 * y).cos() + 0.02 * (25.0 * x).sin() * (23.0 * y).cos()
+}
+
+fn config(soup: &Soup, ratio: f64, slab_triangles_min: u64) -> Config {
+    Config {
+        axis: SweepAxis::X,
+        triangles: Some(soup.len() as u64),
+        wanted: Wanted::Ratio(ratio),
+        metric: Metric::Quadric,
+        slab_triangles_min,
+        threshold: None,
+    }
+}
+
+/// With the threshold that a sample of the soup gives.
+fn with_threshold(soup: &Soup, config: Config) -> Config {
+    let (mut bounds, mut sampler) = (Bounds::default(), Sampler::default());
+    soup.iter().flat_map(|triangle| &triangle.0).for_each(|point| bounds.add(point.0));
+    sampler.look(soup.iter().flat_map(|triangle| &triangle.0).map(|point| point.0));
+    let sample = Sampler::finish(vec![sampler], soup.len() as u64 / 2);
+    let blobs = Blobs::choose(&sample, &bounds, soup.len() as u64).expect("large enough");
+    let chosen: Soup = soup.iter().filter(|triangle| blobs.takes(triangle)).copied().collect();
+    let threshold = threshold(&config, &blobs, chosen);
+    eprintln!("{threshold:?}");
+    Config { threshold, ..config }
+}
+
+fn run(soup: &Soup, config: &Config) -> Result<(Vec<[DVec3; 3]>, u64)> {
+    let workspace = Workspace::for_test();
+    let monitor = Monitor::silent();
+    let outcome = decimate::<Point>(config, &workspace, &monitor, |sink| {
+        soup.chunks(1000).try_for_each(sink)
+    })?;
+    let (Column::Memory(vertices), Triangles::Memory(faces)) =
+        (outcome.mesh.vertices, outcome.mesh.triangles)
+    else {
+        panic!("a decimated mesh is in memory")
+    };
+    let corner = |v: u32| DVec3::from_array(vertices[v as usize].position().map(f64::from));
+    Ok((faces.iter().map(|face| face.map(corner)).collect(), outcome.slabs))
+}
+
+/// The same, as one mesh.
+fn in_core(soup: &Soup, ratio: f64) -> Vec<[DVec3; 3]> {
+    let mut welded = mesh::weld::<_, ByQuadric>(soup);
+    welded.patch.unit = mesh::unit_of(soup);
+    let mut mesh = Mesh::of_original(welded.into_patch());
+    mesh::finish(&mut mesh, (soup.len() as f64 * ratio).round() as usize);
+    <ByQuadric as mesh::Metric>::place(&mut mesh);
+    let patch = mesh.into_patch();
+    let corner = |v: u32| patch.positions[v as usize].as_dvec3();
+    patch.faces.iter().map(|face| face.map(corner)).collect()
+}
+
+/// Root mean square of the distance from the known height, straight up, over the triangles whose
+/// middle has its first coordinate in `among`.
+fn deviation(
+    faces: &[[DVec3; 3]],
+    height: fn(f32, f32) -> f32,
+    among: impl Fn(f64) -> bool,
+) -> f64 {
+    const STEPS: u32 = 6;
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for [a, b, c] in faces.iter().filter(|[a, b, c]| among((a.x + b.x + c.x) / 3.0)) {
+        let area = (*b - *a).cross(*c - *a).length() / f64::from(STEPS * STEPS);
+        for (i, j) in (0..STEPS).flat_map(|i| (0..STEPS - i).map(move |j| (i, j))) {
+            let [u, v] = [i, j].map(|k| (f64::from(k) + 0.33) / f64::from(STEPS));
+            let p = *a + (*b - *a) * u + (*c - *a) * v;
+            sum += area * (p.z - f64::from(height(p.x as f32, p.y as f32))).powi(2);
+            weights += area;
+        }
+    }
+    (sum / weights).sqrt()
+}
+
+/// First coordinates of the places where slabs end.
+fn seams(soup: &Soup, config: &Config) -> Vec<f64> {
+    let mut seams = Vec::new();
+    let mut cutter = Cutter::new(config.axis, config.slab_triangles_min as usize);
+    let mut start = |slab: Slab<Point>| -> Result<()> {
+        let last = slab.triangles.last().map_or(0.0, |triangle| triangle.0[0].0[0]);
+        seams.push(f64::from(last));
+        Ok(())
+    };
+    cutter.push(soup, &mut start).unwrap();
+    seams
+}
+
+#[test]
+fn slabs_are_as_near_as_one_mesh_and_seams_as_near_as_the_rest() {
+    let soup = strip(1600, 100, hills);
+    for ratio in [0.1, 0.01] {
+        let config = config(&soup, ratio, 4096);
+        let (faces, slabs) = run(&soup, &config).unwrap();
+        assert_eq!(faces.len(), (soup.len() as f64 * ratio).round() as usize);
+        assert!(slabs > 16, "{slabs} slabs are joined twice");
+        let whole = deviation(&faces, hills, |_| true);
+        let expected = deviation(&in_core(&soup, ratio), hills, |_| true);
+        let seams = seams(&soup, &config);
+        let near = |x: f64| seams.iter().any(|seam| (seam - x).abs() < 0.08);
+        let (at_seams, elsewhere) =
+            (deviation(&faces, hills, near), deviation(&faces, hills, |x| !near(x)));
+        eprintln!(
+            "{ratio}: {slabs} slabs, {whole:.3e} in core {expected:.3e}, at seams {at_seams:.3e} elsewhere {elsewhere:.3e}"
+        );
+    }
+}
+
+/// Three quarters of it are flat.
+fn plain_before_hills(x: f32, y: f32) -> f32 {
+    if x < 12.0 { 0.0 } else { hills(x, y) * (x - 12.0).min(1.0) }
+}
+
+fn hills_before_plain(x: f32, y: f32) -> f32 {
+    plain_before_hills(16.0 - x, y)
+}
+
+#[test]
+fn triangles_are_left_where_the_detail_is() {
+    for height in [plain_before_hills, hills_before_plain] {
+        let soup = strip(1600, 100, height);
+        for ratio in [0.1, 0.01] {
+            let config = with_threshold(&soup, config(&soup, ratio, 4096));
+            let (faces, slabs) = run(&soup, &config).unwrap();
+            let oracle = in_core(&soup, ratio);
+            let flat = |faces: &[[DVec3; 3]]| {
+                faces.iter().filter(|f| f.iter().all(|p| p.z.abs() < 1e-6)).count()
+            };
+            eprintln!(
+                "{ratio}: {slabs} slabs, {:.3e} {} flat, in core {:.3e} {}",
+                deviation(&faces, height, |_| true),
+                flat(&faces),
+                deviation(&oracle, height, |_| true),
+                flat(&oracle)
+            );
+        }
+    }
+}
