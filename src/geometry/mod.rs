@@ -9,7 +9,7 @@ mod quadric;
 mod sample;
 
 pub use bounds::Bounds;
-pub use grid::{CELLS_PER_AXIS_MAX, CellId, Grid};
+pub use grid::{CELLS_PER_AXIS_MAX, CellId, Grid, Located};
 pub use lateness::{Lateness, MAXIMA_DEFAULT, MAXIMA_PER_PART};
 pub use ordered::ordered_f32;
 pub use polygon::triangulate;

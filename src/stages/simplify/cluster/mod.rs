@@ -8,6 +8,8 @@
 mod assemble;
 mod estimate;
 mod merge;
+mod placed;
+mod shared;
 mod spill;
 mod sums;
 mod table;
@@ -16,11 +18,12 @@ mod used;
 
 use std::sync::{
     Mutex, PoisonError,
-    atomic::{AtomicU32, AtomicU64, Ordering},
+    atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering},
 };
 
 pub use estimate::cells_for;
 use rayon::prelude::*;
+use shared::{OwnTable, SharedTable, THREADS_PER_TABLE};
 use spill::Run;
 use table::CellTable;
 
@@ -72,9 +75,7 @@ pub struct Outcome<V> {
     pub spills: u64,
 }
 
-/// Triangles added between two looks at the budget.
-const TRIANGLES_PER_CHECK: usize = 1 << 12;
-/// Least memory of one thread's table; below it the spills would be smaller than their buffers.
+/// Least memory of tables for each thread; below it the spills would be smaller than their buffers.
 const TABLE_BYTES_MIN: u64 = 1 << 20;
 
 /// What the assembly holds at its peak, relative to the tables it starts from: entries, ranks and
@@ -96,34 +97,35 @@ pub fn accumulate<V: Vertex>(
     let room = (config.assembly_bytes as f64 / ASSEMBLY_FACTOR) as u64;
     let share = room as f64 / workspace.budget().available_bytes().max(1) as f64;
     let memory = workspace.budget().reserve_share(share.min(1.0), TABLE_BYTES_MIN * threads as u64);
-    let table_bytes = memory.bytes() / threads as u64;
+    let tables = threads.div_ceil(THREADS_PER_TABLE);
+    let table_bytes = memory.bytes() / tables as u64;
+    let serial = AtomicU32::new(0);
+    let new = |_| SharedTable::new(table_bytes, threads.div_ceil(tables), &serial, workspace);
+    let tables: Vec<SharedTable<V>> = (0..tables).map(new).collect();
     let pass = source.pass();
     let meter = monitor.meter(StageId::Cluster, source.records());
-    let (serial, triangles) = (AtomicU32::new(0), AtomicU64::new(0));
-    let work = || -> Result<(CellTable<V>, Vec<Run>)> {
-        let (mut table, mut runs) = (CellTable::new(), Vec::new());
+    let (thread, triangles) = (AtomicUsize::new(0), AtomicU64::new(0));
+    let work = || -> Result<CellTable<V>> {
+        let shared = &tables[thread.fetch_add(1, Ordering::Relaxed) % tables.len()];
+        let mut own = OwnTable::new();
         let mut scratch = Scratch::default();
         while let Some(taken) = pass.next(&mut scratch)? {
             triangles.fetch_add(taken.triangles.len() as u64, Ordering::Relaxed);
-            for triangles in taken.triangles.chunks(TRIANGLES_PER_CHECK) {
-                table.add(&config.grid, triangles, taken.first_record);
-                if table.size_bytes() > table_bytes {
-                    let serial = serial.fetch_add(1, Ordering::Relaxed);
-                    runs.push(spill::spill(&mut table, serial, workspace)?);
-                }
-            }
+            shared.add(&mut own, &config.grid, taken.triangles, taken.first_record)?;
             meter.add(taken.records)?;
         }
-        Ok((table, runs))
+        shared.pour(&mut own)?;
+        Ok(own.table)
     };
-    let parts = on_every_thread(threads, work)?;
+    let seen = on_every_thread(threads, work)?;
     meter.finish();
-    let (tables, runs): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let mut findings = pass.finish();
-    let degenerate = tables.iter().map(|table: &CellTable<V>| table.degenerate).sum();
-    let first = tables.iter().filter_map(|table| table.degenerate_first).min();
+    let degenerate = seen.iter().map(|table| table.degenerate).sum();
+    let first = seen.iter().filter_map(|table| table.degenerate_first).min();
     let at = first.map_or(Position::default(), |record| Position::default().in_record(record));
     findings.add(DefectKind::Degenerate, degenerate, at);
+    let parts = tables.into_iter().map(SharedTable::into_parts);
+    let (tables, runs): (Vec<_>, Vec<Vec<_>>) = parts.unzip();
     let runs = runs.into_iter().flatten().collect();
     Ok(Partials { tables, runs, findings, triangles: triangles.into_inner() })
 }
