@@ -3,6 +3,7 @@
 mod bounds;
 mod grid;
 mod lateness;
+mod morton;
 mod ordered;
 mod polygon;
 mod quadric;
@@ -11,6 +12,7 @@ mod sample;
 pub use bounds::Bounds;
 pub use grid::{CELLS_PER_AXIS_MAX, CellId, Grid, Located};
 pub use lateness::{Lateness, MAXIMA_DEFAULT, MAXIMA_PER_PART};
+pub use morton::spread;
 pub use ordered::ordered_f32;
 pub use polygon::triangulate;
 pub use quadric::{Placement, Quadric};

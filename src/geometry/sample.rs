@@ -7,6 +7,9 @@ pub struct Sample {
     pub points: Vec<[f32; 3]>,
     /// Distinct vertices that the sample stands for, about.
     pub vertices: u64,
+    /// The same, as the sample itself tells: by how many positions there are to a share of all
+    /// hashes. Follows from the positions alone.
+    pub distinct: u64,
 }
 
 /// Picks positions by a hash of them: about 131,072 of however many come.
@@ -65,7 +68,10 @@ impl Sampler {
         let picked = picked.filter(|(hash, _)| *hash <= threshold).collect();
         let mut all = Self { threshold, picked };
         all.thin_out(SAMPLE_MAX);
-        Sample { points: all.picked.into_iter().map(|(_, point)| point).collect(), vertices }
+        let share = all.threshold as f64 / u64::MAX as f64;
+        let distinct = (all.picked.len() as f64 / share) as u64;
+        let points = all.picked.into_iter().map(|(_, point)| point).collect();
+        Sample { points, vertices, distinct }
     }
 }
 
@@ -102,6 +108,7 @@ mod tests {
         let [one, two] =
             [vec![one], two.to_vec()].map(|samplers| Sampler::finish(samplers, 1_000_000));
         assert_eq!(one.points, two.points);
+        assert!((990_000..1_010_000).contains(&one.distinct), "{}", one.distinct);
         assert!((SAMPLE_MAX / 2..=SAMPLE_MAX).contains(&one.points.len()));
     }
 }

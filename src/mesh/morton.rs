@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::geometry::spread;
+
 /// Bits per axis: cells of one 32nd of the box, each with a handful of vertices of a cache-sized
 /// block.
 const AXIS_BITS: u32 = 5;
@@ -35,24 +37,9 @@ pub(super) fn morton_places(points: &[Vec3]) -> Vec<u32> {
     cells.iter().map(place).collect()
 }
 
-/// Puts two zeros between each two of the lowest bits.
-fn spread(n: u32) -> u32 {
-    let n = (n | n << 8) & 0x100_F00F;
-    let n = (n | n << 4) & 0x10C_30C3;
-    (n | n << 2) & 0x1249_2492 >> 1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bits_are_spread() {
-        for n in 0..32 {
-            let expected = (0..5).map(|bit| (n >> bit & 1) << (3 * bit)).sum::<u32>();
-            assert_eq!(spread(n), expected, "{n}");
-        }
-    }
 
     #[test]
     fn places_are_a_permutation_that_keeps_octants_together() {

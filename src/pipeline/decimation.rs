@@ -106,7 +106,7 @@ impl Run<'_> {
 
     /// Measures the order of all triangles, and takes some of them aside.
     fn sample<V: Vertex>(&self, source: &Source<V>, survey: &Survey) -> Result<Sampled<V>> {
-        let blobs = decimate::Blobs::choose(&survey.sample, &survey.bounds, survey.triangles());
+        let blobs = decimate::Blobs::choose(&survey.sample, &survey.bounds);
         let is_chosen = |triangle: &Triangle<V>| blobs.as_ref().is_some_and(|b| b.takes(triangle));
         let (order, triangles) = presort::measure_order(source, self.monitor, is_chosen)?;
         Ok(Sampled { order, blobs, triangles })

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hashbrown::{HashMap, HashSet};
 
 use crate::{
-    geometry::{Bounds, CellId, Grid, Sample},
+    geometry::{Bounds, CellId, Grid, Sample, spread},
     soup::{Triangle, Vertex},
 };
 
@@ -13,12 +13,16 @@ use crate::{
 const BLOB_TRIANGLES: f64 = 4096.0;
 /// Cells along the longest side at most.
 const CELLS_MAX: u32 = 1 << 10;
-/// Share of the triangles that are sampled, and how many at most. Chosen by hand: an error of a
-/// few percent in the count that a threshold leaves, for a few percent of the time.
-const SHARE: f64 = 0.04;
+/// Share of the triangles that are sampled, and how many at least and at most. Chosen by hand: a
+/// few percent of the time for an error of a few percent in the count that a threshold leaves.
+const SHARE: f64 = 0.03;
+const TRIANGLES_MIN: f64 = 48_000.0;
 const TRIANGLES_MAX: f64 = 400_000.0;
-/// Fewer cells would be no sample.
-const BLOBS_MIN: usize = 8;
+/// With fewer cells, chance would decide how much of the detail is among them: cells of a small
+/// mesh are made smaller instead.
+const BLOBS: f64 = 48.0;
+/// Where so few cells would have to be left out, the sample is not worth it.
+const STEP_MIN: usize = 4;
 /// A sample that is so many times too large is of no use: it would not fit.
 const CROWD: f64 = 2.0;
 
@@ -36,36 +40,40 @@ pub struct Blobs {
 const FILTER_BITS: u32 = 16;
 
 impl Blobs {
-    /// Chooses cells by a sample of the vertices; `None` where there are too few to choose from.
+    /// Chooses cells by a sample of the vertices; `None` for a mesh so small that nearly all would
+    /// be chosen.
     #[must_use]
-    pub fn choose(sample: &Sample, bounds: &Bounds, triangles: u64) -> Option<Self> {
-        let mut scales = std::iter::successors(Some(4), |cells| Some(2 * cells));
-        let scales = scales.by_ref().take_while(|cells| *cells <= CELLS_MAX);
-        let candidates = scales.filter_map(|cells| {
+    pub fn choose(sample: &Sample, bounds: &Bounds) -> Option<Self> {
+        // By what the sample tells, which is the same however the surface is stored.
+        let triangles = 2 * sample.distinct;
+        let wanted = (triangles as f64 * SHARE).clamp(TRIANGLES_MIN, TRIANGLES_MAX);
+        let blob_triangles = BLOB_TRIANGLES.min(wanted / BLOBS);
+        let scales = std::iter::successors(Some(4), |cells| Some(2 * cells));
+        let candidates = scales.take_while(|cells| *cells <= CELLS_MAX).filter_map(|cells| {
             let grid = Grid::with_cells(bounds, cells)?;
             let mut occupied: Vec<CellId> =
                 sample.points.iter().map(|point| cell_of(&grid, *point)).collect();
             occupied.sort_unstable();
             occupied.dedup();
-            let blob_triangles = triangles as f64 / occupied.len().max(1) as f64;
-            let misfit = (blob_triangles / BLOB_TRIANGLES).ln().abs();
-            Some((misfit, grid, occupied, blob_triangles))
+            let misfit = triangles as f64 / occupied.len().max(1) as f64 / blob_triangles;
+            Some((misfit.ln().abs(), grid, occupied))
         });
         let best = candidates.min_by(|(a, ..), (b, ..)| a.total_cmp(b));
-        let (_, grid, mut occupied, blob_triangles) = best?;
-        let wanted = (triangles as f64 * SHARE).min(TRIANGLES_MAX);
-        let blobs = ((wanted / blob_triangles).ceil() as usize).max(BLOBS_MIN);
-        if blobs * 4 > occupied.len() {
+        let (_, grid, mut occupied) = best?;
+        let blob_triangles = triangles as f64 / occupied.len() as f64;
+        // One of so many, evenly spread over the surface: detail is not, either.
+        let step = (triangles as f64 / wanted) as usize;
+        if step < STEP_MIN {
             return None;
         }
-        occupied.sort_unstable_by_key(|cell| (hash(*cell), *cell));
-        occupied.truncate(blobs);
+        occupied.sort_unstable_by_key(|cell| along_curve(*cell));
+        let occupied: Vec<CellId> = occupied.into_iter().skip(step / 2).step_by(step).collect();
         let mut filter = vec![0; 1 << (FILTER_BITS - 6)];
         for cell in &occupied {
             let bit = filter_bit(*cell);
             filter[bit / 64] |= 1_u64 << (bit % 64);
         }
-        let taken_max = (blobs as f64 * blob_triangles * CROWD) as usize;
+        let taken_max = (occupied.len() as f64 * blob_triangles * CROWD) as usize;
         let cells = occupied.into_iter().collect();
         Some(Self { grid, cells, filter, taken: AtomicUsize::new(0), taken_max })
     }
@@ -115,8 +123,8 @@ fn filter_bit(cell: CellId) -> usize {
     (cell.0.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (64 - FILTER_BITS)) as usize
 }
 
-fn hash(cell: CellId) -> u64 {
-    let x = (cell.0 ^ (cell.0 >> 31)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 29)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 32)
+/// Place of a cell on a Morton curve: cells that follow each other are near each other.
+fn along_curve(cell: CellId) -> u32 {
+    let [x, y, z] = cell.indices().map(spread);
+    x | y << 1 | z << 2
 }

@@ -6,6 +6,7 @@ use super::*;
 use crate::{
     geometry::{Bounds, Sampler},
     soup::{Point, SweepKey, Vertex as _},
+    storage::Budget,
 };
 
 type Soup = Vec<Triangle<Point>>;
@@ -47,10 +48,9 @@ fn with_threshold(soup: &Soup, config: Config) -> Config {
     soup.iter().flat_map(|triangle| &triangle.0).for_each(|point| bounds.add(point.0));
     sampler.look(soup.iter().flat_map(|triangle| &triangle.0).map(|point| point.0));
     let sample = Sampler::finish(vec![sampler], soup.len() as u64 / 2);
-    let blobs = Blobs::choose(&sample, &bounds, soup.len() as u64).expect("large enough");
+    let blobs = Blobs::choose(&sample, &bounds).expect("large enough");
     let chosen: Soup = soup.iter().filter(|triangle| blobs.takes(triangle)).copied().collect();
     let threshold = threshold(&config, &blobs, chosen);
-    eprintln!("{threshold:?}");
     Config { threshold, ..config }
 }
 
@@ -123,45 +123,71 @@ fn slabs_are_as_near_as_one_mesh_and_seams_as_near_as_the_rest() {
         let (faces, slabs) = run(&soup, &config).unwrap();
         assert_eq!(faces.len(), (soup.len() as f64 * ratio).round() as usize);
         assert!(slabs > 16, "{slabs} slabs are joined twice");
-        let whole = deviation(&faces, hills, |_| true);
-        let expected = deviation(&in_core(&soup, ratio), hills, |_| true);
+        let (found, expected) =
+            [&faces, &in_core(&soup, ratio)].map(|f| deviation(f, hills, |_| true)).into();
+        assert!(found < 1.05 * expected, "to {ratio}: {found} and {expected} as one mesh");
         let seams = seams(&soup, &config);
-        let near = |x: f64| seams.iter().any(|seam| (seam - x).abs() < 0.08);
-        let (at_seams, elsewhere) =
-            (deviation(&faces, hills, near), deviation(&faces, hills, |x| !near(x)));
-        eprintln!(
-            "{ratio}: {slabs} slabs, {whole:.3e} in core {expected:.3e}, at seams {at_seams:.3e} elsewhere {elsewhere:.3e}"
+        let is_near = |x: f64| seams.iter().any(|seam| (seam - x).abs() < 0.03);
+        let at_seams = deviation(&faces, hills, is_near);
+        let elsewhere = deviation(&faces, hills, |x| !is_near(x));
+        assert!(
+            at_seams < 1.1 * elsewhere,
+            "to {ratio}: {at_seams} at seams, {elsewhere} elsewhere"
         );
     }
 }
 
 /// Three quarters of it are flat.
 fn plain_before_hills(x: f32, y: f32) -> f32 {
-    if x < 12.0 { 0.0 } else { hills(x, y) * (x - 12.0).min(1.0) }
+    if x < 3.0 { 0.0 } else { hills(x, y) * (x - 3.0).min(1.0) }
 }
 
 fn hills_before_plain(x: f32, y: f32) -> f32 {
-    plain_before_hills(16.0 - x, y)
+    plain_before_hills(4.0 - x, y)
 }
 
 #[test]
 fn triangles_are_left_where_the_detail_is() {
     for height in [plain_before_hills, hills_before_plain] {
-        let soup = strip(1600, 100, height);
+        let soup = strip(1000, 250, height);
         for ratio in [0.1, 0.01] {
-            let config = with_threshold(&soup, config(&soup, ratio, 4096));
-            let (faces, slabs) = run(&soup, &config).unwrap();
-            let oracle = in_core(&soup, ratio);
-            let flat = |faces: &[[DVec3; 3]]| {
-                faces.iter().filter(|f| f.iter().all(|p| p.z.abs() < 1e-6)).count()
-            };
-            eprintln!(
-                "{ratio}: {slabs} slabs, {:.3e} {} flat, in core {:.3e} {}",
-                deviation(&faces, height, |_| true),
-                flat(&faces),
-                deviation(&oracle, height, |_| true),
-                flat(&oracle)
-            );
+            let unaware = config(&soup, ratio, 16_384);
+            let aware = with_threshold(&soup, unaware);
+            assert!(aware.threshold.is_some());
+            let error = |faces: &[[DVec3; 3]]| deviation(faces, height, |_| true);
+            let [by_share, by_cost] = [unaware, aware].map(|c| error(&run(&soup, &c).unwrap().0));
+            let expected = error(&in_core(&soup, ratio));
+            assert!(by_cost < 1.05 * expected, "to {ratio}: {by_cost}, {expected} as one mesh");
+            // What the threshold is for.
+            assert!(by_share > 1.15 * expected, "to {ratio}: {by_share}, {expected} as one mesh");
         }
     }
+}
+
+#[test]
+fn threads_and_memory_change_nothing() {
+    let soup = strip(400, 200, hills);
+    let config = config(&soup, 0.02, 4096);
+    let results = [1, 2, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&soup, &config).unwrap())
+    });
+    assert!(results[0].1 > 4 && results[1..].iter().all(|other| *other == results[0]));
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_what_it_needs() {
+    let soup = strip(400, 200, hills);
+    let config = config(&soup, 0.5, 4096);
+    let workspace = Workspace::for_test().with_budget(Budget::new(4 << 20));
+    let feed = |sink: &mut dyn FnMut(&[Triangle<Point>]) -> Result<()>| {
+        soup.chunks(1000).try_for_each(sink)
+    };
+    let refused = decimate::<Point>(
+        &Config { triangles: None, ..config },
+        &workspace,
+        &Monitor::silent(),
+        feed,
+    );
+    assert!(matches!(refused, Err(Error::Resource { needed_bytes, .. }) if needed_bytes > 4 << 20));
 }
