@@ -26,6 +26,24 @@ impl Bounds {
         }
     }
 
+    /// Grows to hold triangles. As [`Self::add`] does, but many numbers at a time.
+    pub fn add_triangles(&mut self, triangles: impl Iterator<Item = [[f32; 3]; 3]>) {
+        // One box for each corner, so that no comparison waits for the last one.
+        let (mut min, mut max) = ([self.min; 3], [self.max; 3]);
+        for triangle in triangles {
+            let (min, max) = (min.as_flattened_mut(), max.as_flattened_mut());
+            for ((min, max), coordinate) in min.iter_mut().zip(max).zip(triangle.as_flattened()) {
+                // Unlike `f32::min`, an instruction: NaN is never less.
+                *min = if *coordinate < *min { *coordinate } else { *min };
+                *max = if *coordinate > *max { *coordinate } else { *max };
+            }
+        }
+        for axis in 0..3 {
+            self.min[axis] = min.iter().fold(self.min[axis], |least, min| least.min(min[axis]));
+            self.max[axis] = max.iter().fold(self.max[axis], |most, max| most.max(max[axis]));
+        }
+    }
+
     /// The box around both.
     #[must_use]
     pub fn union(mut self, other: &Self) -> Self {
@@ -77,6 +95,19 @@ mod tests {
         bounds.add([4.0, f32::NAN, 3.0]);
         assert_eq!((bounds.min, bounds.max), ([1.0, 2.0, 3.0], [4.0, 2.0, 3.0]));
         assert_eq!(bounds.union(&Bounds::default()), bounds);
+    }
+
+    #[test]
+    fn a_box_around_triangles_is_the_box_around_their_corners() {
+        let number = |i: u16| if i % 11 == 3 { f32::NAN } else { f32::from(i * 37 % 101) - 50.0 };
+        for count in [0, 1, 2, 40] {
+            let triangles =
+                (0..count).map(|t| [0, 3, 6].map(|c| [0, 1, 2].map(|i| number(9 * t + c + i))));
+            let (mut all, mut each) = (Bounds::default(), Bounds::default());
+            all.add_triangles(triangles.clone());
+            triangles.flatten().for_each(|corner| each.add(corner));
+            assert_eq!(all, each);
+        }
     }
 
     #[test]

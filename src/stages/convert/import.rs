@@ -380,9 +380,7 @@ fn look_at_triangles<V: Vertex>(
     bounds: &mut Bounds,
 ) {
     sampler.look(triangles.iter().map(|triangle| triangle.0[0].position()));
-    for triangle in triangles {
-        triangle.0.iter().for_each(|vertex| bounds.add(vertex.position()));
-    }
+    bounds.add_triangles(triangles.iter().map(|triangle| triangle.0.map(|v| v.position())));
 }
 
 /// One thread's share of a survey.

@@ -20,7 +20,7 @@ pub(super) struct CellTable<V: Vertex> {
     pub(super) triangles: Vec<[u32; 3]>,
     /// What did not fit 32 bits.
     pub(super) overflow: Vec<Overflow>,
-    /// The cells seen last, by the low bits of their indices: on coherent input nearly every
+    /// The cells seen last, by the high bits of their hashes: on coherent input nearly every
     /// look-up ends here, in the caches of the core.
     recent: Box<[(CellId, u32)]>,
     /// Triangles without area.
@@ -37,8 +37,8 @@ pub(super) struct Overflow {
     pub(super) attributes: [i64; ATTRIBUTES_MAX],
 }
 
-/// Bits per axis of the key into [`CellTable::recent`]: 16 × 16 × 16 cells, 64 KiB.
-const RECENT_BITS: u32 = 4;
+/// Bits of the key into [`CellTable::recent`]: 4096 cells, 64 KiB.
+const RECENT_BITS: u32 = 12;
 const NO_CELL: CellId = CellId(u64::MAX);
 /// Slots of an empty table.
 const SLOTS_MIN: usize = 1 << 10;
@@ -52,7 +52,7 @@ impl<V: Vertex> CellTable<V> {
             attributes: Vec::new(),
             triangles: Vec::new(),
             overflow: Vec::new(),
-            recent: vec![(NO_CELL, 0); 1 << (3 * RECENT_BITS)].into_boxed_slice(),
+            recent: vec![(NO_CELL, 0); 1 << RECENT_BITS].into_boxed_slice(),
             degenerate: 0,
             degenerate_first: None,
         }
@@ -161,16 +161,14 @@ impl<V: Vertex> CellTable<V> {
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "measured: a tenth of the pass")]
     fn find(&mut self, cell: [u32; 3]) -> u32 {
-        let mask = (1 << RECENT_BITS) - 1;
-        let near = cell.map(|index| index & mask);
-        let near = near[0] | near[1] << RECENT_BITS | near[2] << (2 * RECENT_BITS);
         let id = CellId::new(cell);
-        let recent = &mut self.recent[near as usize & ((1 << (3 * RECENT_BITS)) - 1)];
+        let near = (hash(id) >> (u64::BITS - RECENT_BITS)) as usize;
+        let recent = &mut self.recent[near];
         if recent.0 == id {
             return recent.1;
         }
         let index = self.find_slowly(id);
-        self.recent[near as usize] = (id, index);
+        self.recent[near] = (id, index);
         index
     }
 
