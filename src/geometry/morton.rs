@@ -3,7 +3,7 @@
 /// Puts two zeros between each two of the lowest ten bits.
 #[inline]
 #[must_use]
-pub fn spread(n: u32) -> u32 {
+pub const fn spread(n: u32) -> u32 {
     let n = n & 0x3FF;
     let n = (n | n << 16) & 0x0300_00FF;
     let n = (n | n << 8) & 0x0300_F00F;

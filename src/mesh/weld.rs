@@ -1,8 +1,12 @@
 //! Soup to patch: corners with one position become one vertex, numbered along a Morton curve.
+//!
+//! The triangles are taken in the order of the curve's cells, and every cell has a stretch of the
+//! table of vertices to itself. So what is looked up lies near what was looked up before, and so
+//! do the vertices of a face for all that comes after.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
-use super::{Color, Metric, Patch, morton::morton_places, surface::NONE};
+use super::{Color, Metric, Patch, curve::Curve, surface::NONE};
 use crate::soup::{Triangle, Vertex};
 
 /// What welding gives.
@@ -11,47 +15,49 @@ pub struct Welded<M: Metric> {
     pub patch: Patch<M>,
     /// Triangles left out because two of their corners are one vertex.
     pub degenerate: u64,
-    /// Where to find vertices by position, as they were numbered first.
-    index: PositionIndex,
-    /// From the first numbers to those of the patch.
-    places: Vec<u32>,
+    table: Table,
 }
 
-/// Welds triangles by exact position (−0 is +0). Faces keep the order of the triangles.
+/// Triangles fetched at a time: they lie far apart, and the processor fetches several at once if
+/// nothing else is to be done between them.
+const AHEAD: usize = 16;
+
+/// Welds triangles by exact position (−0 is +0).
 #[must_use]
 pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
-    let mut index = PositionIndex::with_room_for(triangles.len() / 2);
+    let place = |corner: &V| Vec3A::from_array(corner.position());
+    let curve = Curve::around(triangles.iter().flat_map(|triangle| &triangle.0).map(place));
+    let cells = triangles.iter().map(|t| t.0.map(|corner| curve.cell(place(&corner))));
+    let cells: Vec<[u16; 3]> = cells.collect();
+    let mut table = Table::new(curve, &cells);
     let mut patch = Patch::<M>::default();
     let mut degenerate = 0;
     patch.faces.reserve(triangles.len());
-    for triangle in triangles {
-        let face = triangle.0.map(|corner| {
-            let position = Vec3::from_array(corner.position()) + Vec3::ZERO;
-            let (new, known) = (patch.positions.len() as u32, &mut patch.positions);
-            let vertex = index.find_or_add(position, new, |vertex| known[vertex as usize]);
-            if vertex == new {
-                known.push(position);
+    patch.positions.reserve(triangles.len() / 2);
+    let mut ahead = Vec::with_capacity(AHEAD);
+    for numbers in by_cell(&cells).chunks(AHEAD) {
+        let fetch = |number: &u32| (triangles[*number as usize], cells[*number as usize]);
+        ahead.clear();
+        ahead.extend(numbers.iter().map(fetch));
+        for (triangle, cells) in &ahead {
+            let mut face = [NONE; 3];
+            for ((vertex, corner), cell) in face.iter_mut().zip(&triangle.0).zip(cells) {
+                let position = Vec3::from_array(corner.position()) + Vec3::ZERO;
+                *vertex = table.find_or_add(position, *cell, &mut patch.positions);
             }
-            vertex
-        });
-        if V::COLORED {
-            patch.colors.resize(patch.positions.len(), Color::default());
-            add_colors(triangle, face, &mut patch.colors);
-        }
-        let [a, b, c] = face;
-        if a == b || b == c || c == a {
-            degenerate += 1;
-        } else {
-            patch.faces.push(face);
+            if V::COLORED {
+                patch.colors.resize(patch.positions.len(), Color::default());
+                add_colors(triangle, face, &mut patch.colors);
+            }
+            let [a, b, c] = face;
+            if a == b || b == c || c == a {
+                degenerate += 1;
+            } else {
+                patch.faces.push(face);
+            }
         }
     }
-    let places = morton_places(&patch.positions);
-    reorder(&mut patch.positions, &places);
-    reorder(&mut patch.colors, &places);
-    for face in &mut patch.faces {
-        *face = face.map(|v| places[v as usize]);
-    }
-    Welded { patch, degenerate, index, places }
+    Welded { patch, degenerate, table }
 }
 
 impl<M: Metric> Welded<M> {
@@ -64,11 +70,100 @@ impl<M: Metric> Welded<M> {
     /// The vertex at a position.
     #[must_use]
     pub fn find(&self, position: [f32; 3]) -> Option<u32> {
-        self.index.find(position, |vertex| {
-            let place = self.places[vertex as usize];
-            (place, self.patch.positions[place as usize])
-        })
+        self.table.find(Vec3::from_array(position) + Vec3::ZERO, &self.patch.positions)
     }
+}
+
+/// The numbers of triangles, given by the cells of their corners, in the order of their least
+/// cells; those of one cell in their own order.
+fn by_cell(cells: &[[u16; 3]]) -> Vec<u32> {
+    let least = |[a, b, c]: &[u16; 3]| usize::from(*a.min(b).min(c));
+    let mut starts = counted(cells.iter().map(least));
+    let mut numbers = vec![0; cells.len()];
+    for (cells, number) in cells.iter().zip(0..) {
+        let start = &mut starts[least(cells)];
+        numbers[*start as usize] = number;
+        *start += 1;
+    }
+    numbers
+}
+
+/// For each cell, how many of these are of cells before it; and all of them at the end.
+fn counted(cells: impl Iterator<Item = usize>) -> Vec<u32> {
+    let mut starts = vec![0; Curve::CELLS + 1];
+    cells.for_each(|cell| starts[cell] += 1);
+    let mut before = 0;
+    for start in &mut starts {
+        before += std::mem::replace(start, before);
+    }
+    starts
+}
+
+/// Vertices by position: open addressing, in a stretch for each cell.
+struct Table {
+    curve: Curve,
+    /// For each cell, corners in cells before it.
+    starts: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+impl Table {
+    /// Room for so many corners, of which none need be at one position: at most two thirds full,
+    /// in all and in each stretch.
+    fn new(curve: Curve, cells: &[[u16; 3]]) -> Self {
+        let starts = counted(cells.iter().flatten().map(|cell| usize::from(*cell)));
+        let slots = Self::first_slot(starts[Curve::CELLS]) + 1;
+        Self { curve, starts, slots: vec![NONE; slots] }
+    }
+
+    #[inline]
+    fn first_slot(corners: u32) -> usize {
+        corners as usize + corners as usize / 2
+    }
+
+    /// The vertex at a position in a cell, which is a new one if there was none.
+    #[inline]
+    fn find_or_add(&mut self, position: Vec3, cell: u16, positions: &mut Vec<Vec3>) -> u32 {
+        let slot = self.probe(position, cell, positions);
+        if self.slots[slot] == NONE {
+            self.slots[slot] = positions.len() as u32;
+            positions.push(position);
+        }
+        self.slots[slot]
+    }
+
+    fn find(&self, position: Vec3, positions: &[Vec3]) -> Option<u32> {
+        let vertex = self.slots[self.probe(position, self.curve.cell(position.into()), positions)];
+        (vertex != NONE).then_some(vertex)
+    }
+
+    /// The slot of a position, or the free one where it would be. One is always free.
+    #[inline]
+    fn probe(&self, position: Vec3, cell: u16, positions: &[Vec3]) -> usize {
+        let cell = usize::from(cell);
+        let [first, end] = [self.starts[cell], self.starts[cell + 1]].map(Self::first_slot);
+        let mut slot = first + ((u64::from(hash(position)) * (end - first) as u64) >> 32) as usize;
+        loop {
+            match self.slots[slot] {
+                NONE => return slot,
+                vertex if positions[vertex as usize] == position => return slot,
+                _ => slot += 1,
+            }
+            if slot == self.slots.len() {
+                slot = 0;
+            }
+        }
+    }
+}
+
+/// Mixes the bits of a position.
+#[inline]
+pub(super) fn hash(position: Vec3) -> u32 {
+    let [x, y, z] = position.to_array().map(|c| u64::from(c.to_bits()));
+    let low = x | y << 32;
+    let mixed = (low ^ z.rotate_left(17)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    (mixed >> 32) as u32
 }
 
 /// Adds the colours of a triangle's corners to their vertices, weighted by its area; a triangle
@@ -84,105 +179,6 @@ pub(super) fn add_colors<V: Vertex>(triangle: &Triangle<V>, face: [u32; 3], colo
         color.weight += weight;
     }
 }
-
-fn reorder<T: Copy + Default>(values: &mut Vec<T>, places: &[u32]) {
-    if values.is_empty() {
-        return;
-    }
-    let mut ordered = vec![T::default(); values.len()];
-    for (value, place) in values.iter().zip(places) {
-        ordered[*place as usize] = *value;
-    }
-    *values = ordered;
-}
-
-/// Vertices by position: open addressing, at most three quarters full. Where a vertex is, its owner tells.
-pub(super) struct PositionIndex {
-    slots: Vec<u32>,
-    count: usize,
-}
-
-impl PositionIndex {
-    pub(super) fn with_room_for(vertices: usize) -> Self {
-        let slots = (vertices / 2 * 3).next_power_of_two().max(16);
-        Self { slots: vec![NONE; slots], count: 0 }
-    }
-
-    /// The vertex at `position`, or `new`, which is at home there from now on.
-    #[inline]
-    pub(super) fn find_or_add(
-        &mut self,
-        position: Vec3,
-        new: u32,
-        at: impl Fn(u32) -> Vec3,
-    ) -> u32 {
-        let mut slot = self.first_slot(position);
-        loop {
-            match self.slots[slot] {
-                NONE => break,
-                vertex if at(vertex) == position => return vertex,
-                _ => slot = (slot + 1) & (self.slots.len() - 1),
-            }
-        }
-        self.slots[slot] = new;
-        self.count += 1;
-        if 4 * self.count > 3 * self.slots.len() {
-            let at = |vertex| if vertex == new { position } else { at(vertex) };
-            let slots = std::mem::take(&mut self.slots);
-            self.slots = vec![NONE; 2 * slots.len()];
-            slots.into_iter().filter(|v| *v != NONE).for_each(|v| self.place(v, at(v)));
-        }
-        new
-    }
-
-    /// The vertex at a position; `look_up` gives its number and position by its first number.
-    fn find(&self, position: [f32; 3], look_up: impl Fn(u32) -> (u32, Vec3)) -> Option<u32> {
-        let position = Vec3::from_array(position) + Vec3::ZERO;
-        let mut slot = self.first_slot(position);
-        while self.slots[slot] != NONE {
-            let (vertex, at) = look_up(self.slots[slot]);
-            if at == position {
-                return Some(vertex);
-            }
-            slot = (slot + 1) & (self.slots.len() - 1);
-        }
-        None
-    }
-
-    #[inline]
-    fn first_slot(&self, position: Vec3) -> usize {
-        let [x, y, z] = position.to_array().map(|c| u64::from(c.to_bits()));
-        let low = x | y << 32;
-        let mixed = (low ^ z.rotate_left(17)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        (mixed >> 32) as usize & (self.slots.len() - 1)
-    }
-
-    fn place(&mut self, vertex: u32, position: Vec3) {
-        let mut slot = self.first_slot(position);
-        while self.slots[slot] != NONE {
-            slot = (slot + 1) & (self.slots.len() - 1);
-        }
-        self.slots[slot] = vertex;
-    }
-
-    /// Forgets all vertices but these, each at a position of its own.
-    pub(super) fn refill(&mut self, vertices: &[u32], at: impl Fn(u32) -> Vec3) {
-        let slots = (2 * vertices.len()).next_power_of_two().max(16);
-        if self.slots.len() > SLACK * slots || self.slots.len() < slots {
-            self.slots = vec![NONE; slots];
-        } else {
-            self.slots.fill(NONE);
-        }
-        for vertex in vertices {
-            self.place(*vertex, at(*vertex));
-        }
-        self.count = vertices.len();
-    }
-}
-
-/// A table this many times too large is made anew, smaller.
-const SLACK: usize = 8;
 
 #[cfg(test)]
 mod tests {
@@ -208,8 +204,11 @@ mod tests {
         let found = welded.find([1.0, 1.0, 0.0]).unwrap();
         assert_eq!(welded.patch.positions[found as usize], Vec3::new(1.0, 1.0, 0.0));
         assert_eq!(welded.find([2.0, 0.0, 0.0]), None);
-        let [a, b, c] = welded.patch.faces[0].map(|v| welded.patch.positions[v as usize]);
-        assert_eq!([a, b, c].map(|p| p.to_array()), [p0.0, p1.0, [0.0, 1.0, 0.0]]);
+        let mut corners = [0, 1].map(|face| {
+            welded.patch.faces[face].map(|v| welded.patch.positions[v as usize].to_array())
+        });
+        corners.sort_by(|a, b| a[0].partial_cmp(&b[0]).unwrap());
+        assert_eq!(corners, [[p0.0, p1.0, also_p2.0], [p1.0, [1.0, 1.0, 0.0], also_p2.0]]);
     }
 
     #[test]

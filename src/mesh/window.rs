@@ -12,9 +12,10 @@ use super::{
     ByQuadric, State,
     by_quadric::{boundary_quadric, face_quadric},
     classify::{classify, is_end},
+    position_index::PositionIndex,
     ring::Wing,
     surface::{Mesh, NONE},
-    weld::{PositionIndex, add_colors},
+    weld::add_colors,
 };
 use crate::soup::{SweepAxis, SweepPlace, Triangle, Vertex, smallest_corner};
 
