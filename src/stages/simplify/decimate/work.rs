@@ -138,15 +138,13 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let (faces, shared) = family.iter().fold((0, 0), |(faces, shared), piece| {
             (faces + piece.faces(), shared + piece.patch.shared.len() as u64)
         });
-        match self.config.threshold {
+        if self.config.threshold.is_some() {
             // Most of what is shared is shared among them, with two faces a vertex.
-            Some(_) => (faces - (3 * shared / 2).min(faces)).min(faces),
-            None => {
-                let triangles = family.iter().map(|piece| piece.extent.triangles).sum();
-                let level = family.first().map_or(0, |piece| piece.extent.level);
-                self.config.faces_left(level + 1, triangles)
-            }
+            return faces - (3 * shared / 2).min(faces);
         }
+        let triangles = family.iter().map(|piece| piece.extent.triangles).sum();
+        let level = family.first().map_or(0, |piece| piece.extent.level);
+        self.config.faces_left(level + 1, triangles)
     }
 
     /// Joins neighbours that wait for it, if there are any and the memory is there.
