@@ -2,7 +2,8 @@
 //! a cell, and their stamps.
 //!
 //! What a triangle adds depends on how many cells it has, which no processor can predict. Worked
-//! out without branches first and sorted by that, blocks take a tenth less time.
+//! out without branches first and sorted by that, blocks take 7 % less time: 69 ns a triangle
+//! instead of 74.
 
 use glam::{Vec3A, Vec4};
 
