@@ -15,6 +15,8 @@ mod decimate;
 #[cfg(test)]
 mod golden;
 #[cfg(test)]
+mod hybrid;
+#[cfg(test)]
 mod info;
 #[cfg(test)]
 mod meshes;

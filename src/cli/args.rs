@@ -105,12 +105,16 @@ pub(super) struct Goal {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Method {
-    /// Clustering where the goal is given in cells, stream otherwise
+    /// Clustering where the goal is given in cells; otherwise stream if --memory holds what that
+    /// needs, else hybrid
     Auto,
     /// Edge collapses: exact counts, the best fidelity, topology kept
     Stream,
     /// Vertex clustering: fastest, in the least memory, counts within 25 %
     Cluster,
+    /// Clustering to a few times the goal, then edge collapses: exact counts in memory for a few
+    /// times the result
+    Hybrid,
 }
 
 /// How decimation chooses edges.

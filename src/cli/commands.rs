@@ -117,6 +117,8 @@ fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>
     if args.run.verbose {
         session.display.say(prepared.plan.to_string().trim_end());
     } else {
+        let choice = prepared.plan.method.iter().filter(|choice| choice.reason.is_some());
+        choice.for_each(|choice| session.display.say(&format!("method: {choice}")));
         for note in &prepared.plan.notes {
             session.display.say(&format!("note: {note}"));
         }

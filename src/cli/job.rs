@@ -48,6 +48,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         Method::Auto => pipeline::Method::Auto,
         Method::Stream => pipeline::Method::Stream,
         Method::Cluster => pipeline::Method::Cluster,
+        Method::Hybrid => pipeline::Method::Hybrid,
     };
     let metric = match args.metric {
         Metric::Quadric => pipeline::Metric::Quadric,

@@ -72,7 +72,13 @@ fn hint(error: &Error) -> Option<&'static str> {
         }
         Error::Resource { what, .. } if what.contains("job") => "allow more --memory",
         Error::Resource { what, .. } if what.contains("slab") => {
-            "allow more --memory, or simplify with --method cluster, which needs little"
+            "allow more --memory, or simplify with --method hybrid, which needs little for few triangles"
+        }
+        Error::Resource { what, .. } if what.contains("clustering leaves") => {
+            "allow more --memory, or ask for fewer triangles; --method cluster always fits"
+        }
+        Error::Resource { what, .. } if what.contains("edge collapse") => {
+            "allow more --memory, or ask for fewer triangles; --method cluster always fits"
         }
         Error::Resource { what, .. } if what.contains("window") => "allow more --memory",
         Error::NotSorted { .. } => {

@@ -12,6 +12,7 @@ use super::{
     surface::NONE,
     volume::transposed,
 };
+use crate::soup::VertexQuadric;
 
 /// The metric of error quadrics: costs are areas times squared distances.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +71,14 @@ impl Metric for ByQuadric {
                 }
             }
         }
+    }
+
+    fn pass_on(passed_on: &VertexQuadric) -> Quadric {
+        let mut quadric = Quadric::of_parts(passed_on.a, passed_on.b);
+        let [xx, _, _, yy, _, zz] = passed_on.a;
+        // The trace is the sum of the areas, of which each face has added twice this weight.
+        quadric.add_point(2.0 * POINT_WEIGHT * (xx + yy + zz));
+        quadric
     }
 
     fn hold(carried: &Quadric) -> (Quadric, f32) {

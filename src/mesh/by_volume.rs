@@ -17,6 +17,7 @@ use super::{
     volume::{FourSums, Sums, best_places, transposed},
     volume_boundary,
 };
+use crate::soup::VertexQuadric;
 
 /// The metric of volumes: costs are squares of six times a volume, in units of about an edge.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,8 @@ impl Metric for ByVolume {
     fn scan(patch: &mut Patch<Self>) {
         patch.carried = vec![(); patch.positions.len()];
     }
+
+    fn pass_on(_: &VertexQuadric) {}
 
     fn hold((): &()) -> (Sums, f32) {
         (Sums::STALE, 0.0)

@@ -6,6 +6,7 @@
 use glam::Vec3;
 
 use super::{Mesh, Patch, ring::Wing};
+use crate::soup::VertexQuadric;
 
 /// A collapse of an edge: one end is removed, the other kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +35,8 @@ pub trait Metric: Sized + Send + Sync + 'static {
 
     /// Fills in what the vertices of a surface carry as it was scanned.
     fn scan(patch: &mut Patch<Self>);
+    /// What a vertex carries that stands for a piece of the surface as it was scanned.
+    fn pass_on(quadric: &VertexQuadric) -> Self::Carried;
     /// What a vertex holds of what it carried, and what its neighbours see of that.
     fn hold(carried: &Self::Carried) -> (Self::Held, f32);
     /// What a vertex carries on.

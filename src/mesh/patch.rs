@@ -48,7 +48,13 @@ pub fn unit_of<V: Vertex>(triangles: &[Triangle<V>]) -> f32 {
         let [a, b, _] = triangle.0.map(|v| Vec3::from_array(v.position()).as_dvec3());
         a.distance(b)
     };
-    let mean = triangles.iter().map(edge).sum::<f64>() / triangles.len() as f64;
+    unit_of_lengths(triangles.iter().map(edge))
+}
+
+/// [`Patch::unit`] by some lengths of edges.
+pub(super) fn unit_of_lengths(edges: impl ExactSizeIterator<Item = f64>) -> f32 {
+    let count = edges.len() as f64;
+    let mean = edges.sum::<f64>() / count;
     let unit = (-mean.log2().round()).exp2() as f32;
     if unit.is_normal() { unit } else { 1.0 }
 }

@@ -26,6 +26,11 @@ impl Quadric {
         Self { a, ..Self::default() }
     }
 
+    /// A, row by row from the diagonal on, and b; nothing at the vertex.
+    pub(super) fn of_parts(a: [f32; 6], b: [f32; 3]) -> Self {
+        Self { a, b: Vec3::from_array(b), c: 0.0 }
+    }
+
     /// The sum, both relative to one vertex.
     #[inline]
     pub fn add(&mut self, other: &Self) {

@@ -1,27 +1,67 @@
 //! Clustering to a wanted count: estimated, done, and done again where the estimate was off.
 
-use super::{ClusterReport, Goal, Simplify, run::Run};
+use super::{ClusterReport, Goal, Simplify, hybrid::FACTOR, run::Run};
 use crate::{
     error::{Error, Result},
     formats::Findings,
     geometry::{CELLS_PER_AXIS_MAX, Grid},
-    soup::{IndexedMesh, Input, OpenInput, Vertex},
+    soup::{Column, IndexedMesh, Input, OpenInput, Vertex, VertexQuadric},
     stages::{
         convert::import::{Need, Outcome, Survey},
-        simplify::cluster,
+        simplify::{cluster, decimate::Metric},
     },
     storage::Reservation,
 };
 
+/// What a clustering is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// It is the result.
+    Result,
+    /// Its triangles are decimated to the wanted ones.
+    Decimation,
+}
+
+impl Purpose {
+    /// Triangles that clustering is to leave of so many; `None` for goals in cells.
+    pub(super) fn triangles_wanted(self, goal: Goal, triangles: u64) -> Option<u64> {
+        let wanted = goal.triangles_wanted(triangles);
+        match self {
+            Self::Result => wanted,
+            Self::Decimation => {
+                wanted.map(|wanted| wanted.saturating_mul(FACTOR).min(triangles.max(1)))
+            }
+        }
+    }
+
+    /// Triangles that clustering must leave in any case.
+    fn triangles_least(self, goal: Goal, triangles: u64) -> u64 {
+        match self {
+            Self::Result => 0,
+            Self::Decimation => goal.triangles_wanted(triangles).unwrap_or(0),
+        }
+    }
+}
+
+/// Inputs that have been imported, and can be again.
+pub(super) struct Imported<V> {
+    pub(super) outcome: Outcome<V>,
+    pub(super) inputs: Vec<Input>,
+}
+
 /// A clustered mesh and how it came about.
 pub(super) struct Clustered<V> {
     pub(super) mesh: IndexedMesh<V>,
+    /// If they are for decimation, by a metric that remembers them.
+    pub(super) quadrics: Option<Column<VertexQuadric>>,
     pub(super) survey: Survey,
     pub(super) findings: Findings,
     /// Triangles of the input.
     pub(super) triangles_in: u64,
     /// Triangles asked for, if a count or ratio was.
     pub(super) wanted: Option<u64>,
+    /// Triangles that must be left.
+    least: u64,
     pub(super) report: ClusterReport,
     /// The memory of the mesh, when there was so much left.
     _held: Option<Reservation>,
@@ -30,7 +70,7 @@ pub(super) struct Clustered<V> {
 /// A count within this factor of the wanted one is met: 25 %, the promise for clustering.
 const TOLERANCE: f64 = 1.25;
 /// Beyond this factor the clustering is done again, in case another grid does better.
-const TOLERANCE_AT_ONCE: f64 = 1.2;
+pub(super) const TOLERANCE_AT_ONCE: f64 = 1.2;
 /// A grid that differs less from the last one is not tried.
 const STEP_MIN: f64 = 1e-3;
 /// Times the input is clustered at most. The estimate is good for large meshes; small ones, whose
@@ -41,6 +81,24 @@ impl<V: Vertex> Clustered<V> {
     /// Whether the count is the wanted one, within the promised tolerance.
     pub(super) fn is_met(&self) -> bool {
         self.off_by() <= TOLERANCE
+    }
+
+    /// Whether there is no need to look for a better grid.
+    fn is_good(&self) -> bool {
+        self.is_enough() && self.off_by() <= TOLERANCE_AT_ONCE
+    }
+
+    fn is_enough(&self) -> bool {
+        self.mesh.counts().triangles >= self.least
+    }
+
+    /// Whether there are enough triangles where there were not, or a count nearer to the wanted one.
+    fn is_better_than(&self, other: &Self) -> bool {
+        match (self.is_enough(), other.is_enough()) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => self.off_by() < other.off_by(),
+        }
     }
 
     /// Factor between the count and the wanted one, at least 1.
@@ -54,6 +112,15 @@ impl<V: Vertex> Clustered<V> {
         let count = (self.mesh.counts().triangles as f64).max(0.5);
         self.wanted.map_or(1.0, |wanted| count / wanted.max(1) as f64)
     }
+}
+
+/// Whether the source is given back after a clustering.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kept {
+    /// It can be made again.
+    No,
+    /// There is no other.
+    Source,
 }
 
 /// The search for the number of cells, not always whole, along the longest side.
@@ -92,16 +159,26 @@ impl Search {
 }
 
 impl Run<'_> {
+    /// Imports what clustering needs.
+    pub(super) fn import_for_clustering<V: Vertex>(
+        &self,
+        inputs: Vec<OpenInput>,
+    ) -> Result<Imported<V>> {
+        let reopen = inputs.iter().map(|open| open.input.clone()).collect();
+        Ok(Imported { outcome: self.import::<V>(inputs, Need::Survey)?, inputs: reopen })
+    }
+
     /// Clusters the inputs; again with other cells while that brings the count nearer to the
     /// wanted one.
     pub(super) fn cluster_to_goal<V: Vertex>(
         &self,
-        inputs: Vec<OpenInput>,
+        imported: Imported<V>,
         simplify: &Simplify,
+        purpose: Purpose,
     ) -> Result<Clustered<V>> {
-        let reopen: Vec<Input> = inputs.iter().map(|open| open.input.clone()).collect();
+        let Imported { outcome, inputs: reopen } = imported;
         let repeatable = reopen.iter().all(Input::is_repeatable);
-        let mut imported = Some(self.import::<V>(inputs, Need::Survey)?);
+        let mut imported = Some(outcome);
         let (mut best, mut cells): (Option<Clustered<V>>, _) = (None, None);
         let mut search = Search::default();
         for attempt in 1..=ATTEMPTS_MAX {
@@ -112,20 +189,21 @@ impl Run<'_> {
                 self.import(inputs, Need::Survey)?
             };
             let longest = outcome.survey.bounds.size().max_element();
-            let (grid, estimated) = self.grid(&outcome.survey, simplify.goal, cells)?;
-            let (next, outcome) = self.cluster_once(outcome, simplify, grid, !repeatable)?;
+            let (grid, estimated) = self.grid(&outcome.survey, (simplify.goal, purpose), cells)?;
+            let kept = if repeatable { Kept::No } else { Kept::Source };
+            let (next, outcome) = self.cluster_once(outcome, (simplify, purpose), grid, kept)?;
             imported = outcome;
-            let (ratio, off_by) = (next.ratio(), next.off_by());
+            let (ratio, is_good) = (next.ratio(), next.is_good());
             let tried = cells.unwrap_or_else(|| (longest / grid.cell_size()).max(1.0));
             let estimate = estimated.or(best.as_ref().and_then(|b| b.report.triangles_estimated));
-            if best.as_ref().is_none_or(|best| off_by < best.off_by()) {
+            if best.as_ref().is_none_or(|best| next.is_better_than(best)) {
                 best = Some(next);
             }
             let report = &mut best.as_mut().expect("the first is better than none").report;
             (report.attempts, report.triangles_estimated) = (attempt, estimate);
             let more = search.next(tried, ratio);
             let is_stuck = longest <= 0.0 || (more / tried - 1.0).abs() < STEP_MIN;
-            if off_by <= TOLERANCE_AT_ONCE || is_stuck {
+            if is_good || is_stuck {
                 break;
             }
             cells = Some(more);
@@ -134,9 +212,15 @@ impl Run<'_> {
     }
 
     /// The cells to use and the count expected of them.
-    fn grid(&self, survey: &Survey, goal: Goal, cells: Option<f64>) -> Result<(Grid, Option<u64>)> {
+    fn grid(
+        &self,
+        survey: &Survey,
+        (goal, purpose): (Goal, Purpose),
+        cells: Option<f64>,
+    ) -> Result<(Grid, Option<u64>)> {
         let bounds = &survey.bounds;
-        let (grid, estimated) = match (cells, goal.triangles_wanted(survey.triangles())) {
+        let wanted = purpose.triangles_wanted(goal, survey.triangles());
+        let (grid, estimated) = match (cells, wanted) {
             (Some(cells), _) => {
                 (Grid::with_cell_size(bounds, bounds.size().max_element() / cells), None)
             }
@@ -158,24 +242,30 @@ impl Run<'_> {
         Ok((grid, estimated))
     }
 
-    /// Clusters once. The source is given back only to `keep` it: its memory serves the assembly
-    /// when it can be made again.
+    /// Clusters once. Where the source can be made again, its memory serves the assembly.
     fn cluster_once<V: Vertex>(
         &self,
         outcome: Outcome<V>,
-        simplify: &Simplify,
+        (simplify, purpose): (&Simplify, Purpose),
         grid: Grid,
-        keep: bool,
+        kept: Kept,
     ) -> Result<(Clustered<V>, Option<Outcome<V>>)> {
         let (boundary_weight, placement) = (simplify.boundary_weight, simplify.placement);
         let budget = self.workspace.budget();
-        let assembly_bytes = if keep { budget.available_bytes() } else { budget.limit_bytes() };
-        let config = cluster::Config { grid, boundary_weight, placement, assembly_bytes };
+        let assembly_bytes = match kept {
+            Kept::Source => budget.available_bytes(),
+            Kept::No => budget.limit_bytes(),
+        };
+        let quadrics = match (purpose, simplify.metric) {
+            (Purpose::Decimation, Metric::Quadric) => cluster::Quadrics::PassOn,
+            _ => cluster::Quadrics::Drop,
+        };
+        let config = cluster::Config { grid, boundary_weight, placement, assembly_bytes, quadrics };
         let mut partials =
             cluster::accumulate(&outcome.source, &config, self.workspace, self.monitor)?;
         let (findings, triangles_in) = (std::mem::take(&mut partials.findings), partials.triangles);
         let survey = outcome.survey.clone();
-        let kept = keep.then_some(outcome);
+        let kept = (kept == Kept::Source).then_some(outcome);
         let clustered = cluster::assemble(partials, &config, self.workspace, self.monitor)?;
         let report = ClusterReport {
             cells: grid.cells(),
@@ -185,12 +275,23 @@ impl Run<'_> {
             spills: clustered.spills,
             attempts: 1,
         };
-        let wanted = simplify.goal.triangles_wanted(triangles_in);
-        let mesh = clustered.mesh;
-        // As long as it is held, there is less for another attempt.
-        let held = self.workspace.budget().reserve(mesh.memory_bytes());
-        let clustered =
-            Clustered { mesh, survey, findings, triangles_in, wanted, report, _held: held };
+        let cluster::Outcome { mesh, quadrics, .. } = clustered;
+        let quadric_bytes = match &quadrics {
+            Some(Column::Memory(quadrics)) => size_of_val(quadrics.as_slice()) as u64,
+            _ => 0,
+        };
+        let clustered = Clustered {
+            survey,
+            findings,
+            triangles_in,
+            wanted: purpose.triangles_wanted(simplify.goal, triangles_in),
+            least: purpose.triangles_least(simplify.goal, triangles_in),
+            report,
+            // As long as it is held, there is less for another attempt.
+            _held: self.workspace.budget().reserve(mesh.memory_bytes() + quadric_bytes),
+            mesh,
+            quadrics,
+        };
         Ok((clustered, kept))
     }
 }

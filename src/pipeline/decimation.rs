@@ -8,7 +8,7 @@ use super::{
 use crate::{
     error::Result,
     formats::Findings,
-    soup::{OpenInput, Source, SweepAxis, Triangle, Vertex},
+    soup::{ColoredPoint, Source, SweepAxis, Triangle, Vertex},
     stages::{
         convert::{
             import::{self, Survey},
@@ -52,14 +52,28 @@ impl<V: Vertex> Sampled<V> {
 /// is sorted like any other.
 const WINDOW_SHARE: u64 = 4;
 
+/// Bytes of memory that decimating so many triangles slab by slab needs, about, on one thread: what
+/// slabs leave and a slab, in the three quarters of it that putting triangles in order leaves them.
+pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
+    let config = decimate::Config {
+        axis: SweepAxis::X,
+        triangles: Some(triangles),
+        wanted: Wanted::Triangles(simplify.goal.triangles_wanted(triangles).unwrap_or(triangles)),
+        metric: simplify.metric,
+        slab_triangles_min: decimate::SLAB_TRIANGLES_MIN,
+        threshold: None,
+    };
+    (config.rest_bytes::<ColoredPoint>() + config.slab_bytes::<ColoredPoint>(1)) / 3 * 4
+}
+
 impl Run<'_> {
-    /// Decimates the inputs to a count or a share of them, in one pass where the order is promised.
+    /// Decimates a stream to a count or a share of it, in one pass where the order is promised.
     pub(super) fn decimate_to_goal<V: Vertex>(
         &self,
-        inputs: Vec<OpenInput>,
+        imported: import::Outcome<V>,
         simplify: &Simplify,
     ) -> Result<Decimated<V>> {
-        let import::Outcome { source, survey } = self.import_ordered::<V>(inputs, simplify)?;
+        let import::Outcome { source, survey } = imported;
         let axis = simplify.assume_sorted.unwrap_or(SweepAxis::ALL[survey.bounds.longest_axis()]);
         let sampled = match simplify.assume_sorted {
             Some(_) => None,

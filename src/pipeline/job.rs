@@ -81,12 +81,28 @@ pub struct Simplify {
 /// How triangles become fewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Clustering for a goal in cells, otherwise decimation.
+    /// Clustering for a goal in cells; otherwise edge collapses on the sorted stream if they fit
+    /// the memory, and if not, hybrid.
     Auto,
     /// Edge collapses on the sorted stream: exact counts, the best fidelity, topology kept.
     Stream,
     /// One vertex for each cell of a grid.
     Cluster,
+    /// Clustering to a few times the goal, then edge collapses on what that leaves.
+    Hybrid,
+}
+
+impl Method {
+    /// Its name, as on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Stream => "stream",
+            Self::Cluster => "cluster",
+            Self::Hybrid => "hybrid",
+        }
+    }
 }
 
 /// How decimation chooses the edges to collapse.
@@ -102,7 +118,7 @@ impl Simplify {
     /// Whether this is done in a single pass on a window.
     #[must_use]
     pub fn is_streaming(&self) -> bool {
-        self.selection == Selection::MultipleChoice && !self.is_clustering()
+        self.selection == Selection::MultipleChoice && !self.begins_with_cells()
     }
 
     /// Whether this is done by clustering.
@@ -110,9 +126,15 @@ impl Simplify {
     pub fn is_clustering(&self) -> bool {
         match self.method {
             Method::Auto => matches!(self.goal, Goal::Cells(_) | Goal::CellSize(_)),
-            Method::Stream => false,
+            Method::Stream | Method::Hybrid => false,
             Method::Cluster => true,
         }
+    }
+
+    /// Whether the first that is done is clustering.
+    #[must_use]
+    pub fn begins_with_cells(&self) -> bool {
+        self.method == Method::Hybrid || self.is_clustering()
     }
 }
 

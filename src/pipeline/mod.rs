@@ -2,8 +2,10 @@
 
 mod attempts;
 mod decimation;
+mod hybrid;
 mod info;
 mod job;
+mod method;
 mod plan;
 mod report;
 mod run;
@@ -13,9 +15,10 @@ mod streaming;
 pub use crate::stages::simplify::decimate::Metric;
 pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
+pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use report::{
-    BoundsReport, ClusterReport, DecimateReport, DefectReport, InputReport, OutputReport, Report,
-    SortReport, StageReport, StreamReport,
+    BoundsReport, ClusterReport, DecimateReport, DefectReport, HybridReport, InputReport,
+    OutputReport, Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};

@@ -2,7 +2,10 @@
 
 use std::fmt;
 
-use super::{Goal, Job, Metric, Selection, Simplify, Task, sort, streaming};
+use super::{
+    Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, hybrid,
+    method, sort, streaming,
+};
 use crate::{
     error::{Error, Result},
     formats::{Compression, Declared, Format},
@@ -42,6 +45,8 @@ impl InputFacts {
 pub struct Plan {
     /// In order.
     pub stages: Vec<PlannedStage>,
+    /// By what triangles become fewer, for simplification.
+    pub method: Option<Choice>,
     /// Vertices, as far as headers and sizes tell.
     pub vertices: Option<u64>,
     /// Faces and soup triangles, as far as headers and sizes tell.
@@ -108,7 +113,7 @@ impl Job {
     /// Share of the budget that vertex tables may take.
     pub(super) fn table_share(&self) -> f64 {
         match self.task {
-            Task::Simplify(ref simplify) if !simplify.is_clustering() => TABLE_SHARE_DECIMATE,
+            Task::Simplify(ref simplify) if !simplify.begins_with_cells() => TABLE_SHARE_DECIMATE,
             Task::Simplify(_) => TABLE_SHARE_CLUSTER,
             Task::Sort(_) => TABLE_SHARE_SORT,
             Task::Soup | Task::Weld => TABLE_SHARE_CONVERT,
@@ -123,11 +128,14 @@ impl Job {
 /// cannot suffice.
 pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
     check_request(job)?;
+    let records = inputs.iter().map(|facts| facts.declared.faces).sum();
+    let (job, method) = &method::choose(job, records)?;
     let indexed = |facts: &&InputFacts| facts.declared.indexed;
     let mut plan = Plan {
         stages: Vec::new(),
         vertices: inputs.iter().filter(indexed).map(|facts| facts.declared.vertices).sum(),
-        records: inputs.iter().map(|facts| facts.declared.faces).sum(),
+        method: method.clone(),
+        records,
         memory_bytes: job.memory_bytes + MEMORY_BYTES_CONSTANT,
         temporary_bytes: Some(0),
         output_bytes: None,
@@ -148,7 +156,10 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
     }
     match &job.task {
         Task::Simplify(simplify) if simplify.is_clustering() => {
-            plan_clustering(job, simplify.goal, sizes, &mut plan);
+            plan_clustering(job, (simplify.goal, Purpose::Result), sizes, &mut plan);
+        }
+        Task::Simplify(simplify) if simplify.method == Method::Hybrid => {
+            hybrid::plan(job, simplify, sizes, &mut plan);
         }
         Task::Simplify(simplify) if simplify.is_streaming() => {
             streaming::plan(job, simplify, sizes, &mut plan);
@@ -179,10 +190,17 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
         return Err(Error::Request("cells are a goal for clustering only".to_owned()));
     }
     if let Task::Simplify(simplify) = &job.task
-        && simplify.is_clustering()
+        && simplify.begins_with_cells()
         && simplify.selection == Selection::MultipleChoice
     {
         let text = "clustering takes triangles in any order and chooses no edges";
+        return Err(Error::Request(text.to_owned()));
+    }
+    if let Task::Simplify(simplify) = &job.task
+        && simplify.method == Method::Hybrid
+        && simplify.assume_sorted.is_some()
+    {
+        let text = "clustering takes triangles in any order: no promise of one is needed";
         return Err(Error::Request(text.to_owned()));
     }
     if let Task::Simplify(simplify) = &job.task
@@ -263,11 +281,16 @@ fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
     }
 }
 
-fn plan_clustering(job: &Job, goal: Goal, sizes: Sizes, plan: &mut Plan) {
-    let wanted = match goal {
-        Goal::Triangles(count) => Some(count),
-        Goal::Ratio(ratio) => plan.records.map(|count| (count as f64 * ratio) as u64),
-        Goal::Cells(_) | Goal::CellSize(_) => None,
+/// Adds clustering to a plan.
+pub(super) fn plan_clustering(
+    job: &Job,
+    (goal, purpose): (Goal, Purpose),
+    sizes: Sizes,
+    plan: &mut Plan,
+) {
+    let wanted = match (goal, plan.records) {
+        (Goal::Ratio(_), None) => None,
+        (_, records) => purpose.triangles_wanted(goal, records.unwrap_or(u64::MAX)),
     };
     if matches!(goal, Goal::Triangles(_) | Goal::Ratio(_)) {
         plan.stage(StageId::Estimate, "find the cell size for the wanted count".to_owned());
@@ -350,6 +373,9 @@ impl fmt::Display for Plan {
         }
         let size = |bytes: u64| bytesize::ByteSize(bytes).to_string();
         let known = |bytes: Option<u64>| bytes.map_or("known only at the end".to_owned(), size);
+        if let Some(choice) = &self.method {
+            writeln!(f, "method     {choice}")?;
+        }
         writeln!(f, "memory     at most {}", size(self.memory_bytes))?;
         writeln!(f, "temporary  {}", known(self.temporary_bytes))?;
         writeln!(f, "output     {}", known(self.output_bytes))?;

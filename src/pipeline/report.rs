@@ -18,12 +18,18 @@ pub struct Report {
     /// is, `parity` when the last odd triangle could only go together with another, or `window`
     /// when triangles had to leave a window before they were coarse enough.
     pub stopped_by: Option<&'static str>,
+    /// Simplification: `stream`, `cluster` or `hybrid`.
+    pub method: Option<&'static str>,
+    /// Why that, where it was left open.
+    pub method_reason: Option<String>,
     /// Clustering: what it worked with.
     pub cluster: Option<ClusterReport>,
     /// Sorting: what it worked with.
     pub sort: Option<SortReport>,
     /// Decimation: what it worked with.
     pub decimate: Option<DecimateReport>,
+    /// Decimation after clustering: what it worked with.
+    pub hybrid: Option<HybridReport>,
     /// Decimation in a single pass: what it worked with.
     pub stream: Option<StreamReport>,
     /// Largest resident set of the process.
@@ -115,6 +121,17 @@ pub struct DecimateReport {
     pub slabs: u64,
     /// Triangles left out because two of their corners were one point.
     pub degenerate: u64,
+    /// Vertices left alone because their faces are no fan.
+    pub complex_vertices: u64,
+}
+
+/// How decimation after clustering went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HybridReport {
+    /// `quadric` or `volume`.
+    pub metric: &'static str,
+    /// Triangles that clustering left.
+    pub triangles_clustered: u64,
     /// Vertices left alone because their faces are no fan.
     pub complex_vertices: u64,
 }

@@ -3,9 +3,10 @@
 use std::{path::Path, time::Instant};
 
 use super::{
-    BoundsReport, InputFacts, InputReport, Job, OutputReport, Plan, Report, Simplify, Task,
-    attempts::Clustered,
+    BoundsReport, InputFacts, InputReport, Job, Method, OutputReport, Plan, Report, Simplify, Task,
+    attempts::{Clustered, Imported, Purpose},
     decimation::Decimated,
+    method,
     plan::{check_request, plan},
 };
 use crate::{
@@ -45,7 +46,8 @@ pub fn prepare(job: Job) -> Result<Prepared> {
     let inputs = job.inputs.iter().map(open).collect::<Result<Vec<_>>>()?;
     let plan = plan(&job, &inputs.iter().map(InputFacts::of).collect::<Vec<_>>())?;
     check_disk(&job, &plan)?;
-    Ok(Prepared { job, inputs, plan })
+    let (chosen, _) = method::choose(&job, plan.records)?;
+    Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, plan })
 }
 
 /// Refuses an output that is an input, or that cannot be made.
@@ -90,6 +92,7 @@ impl Prepared {
     /// What the stages fail with; nothing is left under the output's name then.
     pub fn run(self, monitor: &Monitor) -> Result<Report> {
         let started = Instant::now();
+        let reason = self.plan.method.as_ref().and_then(|choice| choice.reason.clone());
         let mut report = self.with_room(monitor, |run, inputs| {
             // Colours that the output cannot hold would decide ties, and the order of what it holds
             // would depend on what it does not.
@@ -105,6 +108,7 @@ impl Prepared {
             let temporary_bytes_peak = run.workspace.disk_bytes_peak();
             report.map(|report| Report { temporary_bytes_peak, ..report })
         })?;
+        report.method_reason = report.method_reason.or(reason);
         report.seconds = started.elapsed().as_secs_f64();
         Ok(report)
     }
@@ -184,6 +188,9 @@ impl Run<'_> {
             self.simplify_by_clustering::<V>(inputs, simplify)
         } else if simplify.is_streaming() {
             self.simplify_by_stream::<V>(inputs, simplify)
+        } else if simplify.method == Method::Hybrid {
+            let imported = self.import_for_clustering::<V>(inputs)?;
+            self.simplify_by_hybrid(imported, simplify)
         } else {
             self.simplify_by_decimation::<V>(inputs, simplify)
         }
@@ -194,8 +201,22 @@ impl Run<'_> {
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<Report> {
-        let decimated = self.decimate_to_goal::<V>(inputs, simplify)?;
+        let reopen = inputs.iter().map(|open| open.input.clone()).collect();
+        let outcome = self.import_ordered::<V>(inputs, simplify)?;
+        // Where headers do not say how many triangles there are, the method is chosen only now.
+        let (job, choice) = method::choose(self.job, Some(outcome.survey.triangles()))?;
+        let method_reason = choice.and_then(|choice| choice.reason);
+        if let Task::Simplify(simplify) = &job.task
+            && simplify.method == Method::Hybrid
+        {
+            let imported = Imported { outcome, inputs: reopen };
+            let report = self.simplify_by_hybrid(imported, simplify)?;
+            return Ok(Report { method_reason, ..report });
+        }
+        let decimated = self.decimate_to_goal(outcome, simplify)?;
         let mut report = report_input(&decimated.survey, decimated.triangles_in);
+        report.method = Some(Method::Stream.name());
+        report.method_reason = method_reason;
         report.reached_target = Some(decimated.is_met());
         report.stopped_by = Some(if decimated.is_met() { "target" } else { "topology" });
         report.decimate = Some(decimated.report);
@@ -209,7 +230,8 @@ impl Run<'_> {
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<Report> {
-        let clustered = self.cluster_to_goal::<V>(inputs, simplify)?;
+        let imported = self.import_for_clustering::<V>(inputs)?;
+        let clustered = self.cluster_to_goal(imported, simplify, Purpose::Result)?;
         if clustered.mesh.counts().triangles == 0 && clustered.triangles_in > 0 {
             let text = format!(
                 "cells of size {} leave none of {} triangles: no triangle reaches into three cells",
@@ -218,6 +240,7 @@ impl Run<'_> {
             return Err(Error::Request(text));
         }
         let mut report = report_input(&clustered.survey, clustered.triangles_in);
+        report.method = Some(Method::Cluster.name());
         report.reached_target = clustered.wanted.map(|_| clustered.is_met());
         report.stopped_by = Some(match report.reached_target {
             None => "cells",

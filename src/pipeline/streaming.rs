@@ -243,6 +243,7 @@ impl<V: Vertex> Streaming<V> {
     fn report(&self, done: &Streamed) -> Report {
         let Streamed { stream, sorted } = done;
         let mut report = report_input(&self.survey, sorted.triangles);
+        report.method = Some(super::Method::Stream.name());
         report.reached_target = Some(stream.triangles_written <= stream.triangles_target);
         report.stopped_by = Some(match stream.triangles_written.cmp(&stream.triangles_target) {
             std::cmp::Ordering::Equal => "target",

@@ -1,5 +1,6 @@
-//! Fewer triangles: clustering, and decimation by edge collapses.
+//! Fewer triangles: clustering, decimation by edge collapses, and the one after the other.
 
 pub mod cluster;
 pub mod decimate;
+pub mod hybrid;
 pub mod stream;

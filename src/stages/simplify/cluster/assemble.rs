@@ -1,19 +1,20 @@
 //! From tables in memory to an indexed mesh: cells in id order, one vertex each.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
-    Config, Outcome,
-    sums::{SUMS, TotalSums, WEIGHT, to_quadric},
+    Config, Outcome, Quadrics,
+    sums::{SUMS, TotalSums, WEIGHT, to_quadric, to_surface},
     table::{CellTable, Overflow, add, widen},
     triples::{rotate, sort_and_dedup},
     used::Used,
 };
 use crate::{
     error::Result,
-    geometry::CellId,
+    geometry::{CellId, Quadric},
     progress::{Monitor, StageId},
-    soup::{ATTRIBUTES_MAX, Column, IndexedMesh, Triangles, Vertex},
+    soup::{ATTRIBUTES_MAX, Column, IndexedMesh, Triangles, Vertex, VertexQuadric},
 };
 
 /// A cell of one table.
@@ -44,38 +45,77 @@ pub(super) fn in_memory<V: Vertex>(
     triangles.iter().flatten().for_each(|rank| used.mark(u64::from(*rank)));
     used.number();
     let chunks = cell_chunks(&entries);
-    let vertices = chunks.into_par_iter().map(|chunk| {
-        let mut vertices = Vec::new();
+    let placed = chunks.into_par_iter().map(|chunk| {
+        let mut placed = Representatives::default();
         let cells = entries[chunk.range].chunk_by(|a, b| a.id == b.id);
         for (cell, group) in (chunk.first_cell..).zip(cells) {
             if used.contains(cell) {
                 let (sums, attributes) = total(group, &tables, &overflow);
-                vertices.push(representative(group[0].id, &sums, attributes, config));
+                placed.push(representative(group[0].id, &sums, attributes, config));
             }
         }
         meter.add(0)?;
-        Ok(vertices)
+        Ok(placed)
     });
-    let vertices = vertices.collect::<Result<Vec<Vec<V>>>>()?.concat();
+    let placed = placed.collect::<Result<Vec<Representatives<V>>>>()?;
     meter.add(entries.len() as u64)?;
+    drop((tables, entries));
+    let (vertices, quadrics): (Vec<_>, Vec<_>) =
+        placed.into_iter().map(|chunk| (chunk.vertices, chunk.quadrics)).unzip();
+    let (vertices, quadrics) = (vertices.concat(), quadrics.concat());
     meter.finish();
     let number = |rank: u32| used.number_of(u64::from(rank)) as u32;
     triangles.par_iter_mut().for_each(|triangle| *triangle = triangle.map(number));
     let mesh =
         IndexedMesh { vertices: Column::Memory(vertices), triangles: Triangles::Memory(triangles) };
-    Ok(Outcome { mesh, cells, spills: 0 })
+    let quadrics = (config.quadrics == Quadrics::PassOn).then_some(Column::Memory(quadrics));
+    Ok(Outcome { mesh, quadrics, cells, spills: 0 })
 }
 
-/// The vertex that stands for a cell.
+/// Vertices, and their quadrics where those are passed on.
+pub(super) struct Representatives<V> {
+    pub(super) vertices: Vec<V>,
+    pub(super) quadrics: Vec<VertexQuadric>,
+}
+
+impl<V> Default for Representatives<V> {
+    fn default() -> Self {
+        Self { vertices: Vec::new(), quadrics: Vec::new() }
+    }
+}
+
+impl<V> Representatives<V> {
+    pub(super) fn push(&mut self, (vertex, quadric): (V, Option<VertexQuadric>)) {
+        self.vertices.push(vertex);
+        self.quadrics.extend(quadric);
+    }
+}
+
+/// The vertex that stands for a cell, and its quadric if that is passed on.
 pub(super) fn representative<V: Vertex>(
     id: CellId,
     sums: &TotalSums,
     attributes: [i64; ATTRIBUTES_MAX],
     config: &Config,
-) -> V {
+) -> (V, Option<VertexQuadric>) {
     let (quadric, mean) = to_quadric(sums, config.boundary_weight);
     let local = quadric.minimise(mean, config.placement);
-    V::mean(config.grid.to_model(id, local), attributes, sums[WEIGHT])
+    let vertex = V::mean(config.grid.to_model(id, local), attributes, sums[WEIGHT]);
+    let passed_on = (config.quadrics == Quadrics::PassOn)
+        .then(|| seen_from(local, &to_surface(sums), config.grid.cell_size()));
+    (vertex, passed_on)
+}
+
+/// A quadric of a cell of this size relative to a point in it, in model units: weights are areas,
+/// and there is one more length in b than in A.
+fn seen_from(local: DVec3, quadric: &Quadric, cell_size: f64) -> VertexQuadric {
+    let area = cell_size * cell_size;
+    let [x, y, z] = [quadric.a.x_axis, quadric.a.y_axis, quadric.a.z_axis].map(|axis| axis * area);
+    let b = (quadric.a * local - quadric.b) * area * cell_size;
+    VertexQuadric {
+        a: [x.x, x.y, x.z, y.y, y.z, z.z].map(|entry| entry as f32),
+        b: b.to_array().map(|entry| entry as f32),
+    }
 }
 
 /// The cells of all tables by id; equal ids are neighbours.
@@ -151,4 +191,71 @@ fn total<V: Vertex>(
         add(&mut attributes, &moved.attributes);
     }
     (sums, attributes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{Bounds, Grid, Placement},
+        progress::{Cancel, Monitor},
+        soup::{Point, Triangle},
+    };
+
+    /// Hills over a square of 9 by 9 vertices, in cells of about four.
+    #[test]
+    fn what_is_passed_on_are_the_planes_of_the_faces_in_each_cell() {
+        let side = 9;
+        let position = |i: u32| {
+            let (x, y) = ((i % side) as f32, (i / side) as f32);
+            [x, y, (0.9 * x).sin() + (0.7 * y).cos()]
+        };
+        let quads = (0..side * side).filter(|i| i % side < side - 1 && i / side < side - 1);
+        let faces = quads.flat_map(|i| [[i, i + 1, i + side], [i + 1, i + side + 1, i + side]]);
+        let triangles: Vec<Triangle<Point>> =
+            faces.map(|face| Triangle(face.map(|v| Point(position(v))))).collect();
+        let mut bounds = Bounds::default();
+        (0..side * side).for_each(|v| bounds.add(position(v)));
+        let grid = Grid::with_cells(&bounds, 4).unwrap();
+        let config = Config {
+            grid,
+            boundary_weight: 0.5,
+            placement: Placement::Constrained,
+            assembly_bytes: 1 << 20,
+            quadrics: Quadrics::PassOn,
+        };
+        let mut table = CellTable::new();
+        table.add(&grid, &triangles, 0);
+        let monitor = Monitor { observer: &(), cancel: Cancel::default() };
+        let outcome = in_memory(vec![table], &config, &monitor).unwrap();
+        let Column::Memory(vertices) = outcome.mesh.vertices else { panic!("in memory") };
+        let Some(Column::Memory(quadrics)) = outcome.quadrics else { panic!("passed on") };
+        assert_eq!(vertices.len(), quadrics.len());
+        let cell = |corner: &Point| CellId::new(grid.cell_of(grid.to_grid(corner.0)));
+        let cells = triangles.iter().map(|triangle| triangle.0.map(|corner| cell(&corner)));
+        let mut cells: Vec<CellId> =
+            cells.filter(|[a, b, c]| a != b && b != c && c != a).flatten().collect();
+        cells.sort_unstable();
+        cells.dedup();
+        assert_eq!(vertices.len(), cells.len());
+        for ((vertex, quadric), own) in vertices.iter().zip(quadrics).zip(cells) {
+            let from = DVec3::from_array(vertex.0.map(f64::from));
+            let (mut a, mut b) = (glam::DMat3::ZERO, DVec3::ZERO);
+            for triangle in &triangles {
+                let corners = triangle.0.map(|c| DVec3::from_array(c.0.map(f64::from)));
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                let (n, area) = (normal.normalize(), normal.length() / 2.0);
+                let here = triangle.0.iter().filter(|corner| cell(corner) == own).count() as f64;
+                a += glam::DMat3::from_cols(n * n.x, n * n.y, n * n.z) * (area * here);
+                b += n * n.dot(from - corners[0]) * (area * here);
+            }
+            let expected = [a.x_axis.x, a.x_axis.y, a.x_axis.z, a.y_axis.y, a.y_axis.z, a.z_axis.z];
+            for (found, expected) in quadric.a.iter().zip(expected) {
+                assert!((f64::from(*found) - expected).abs() < 1e-4, "{found} {expected}");
+            }
+            for (found, expected) in quadric.b.iter().zip(b.to_array()) {
+                assert!((f64::from(*found) - expected).abs() < 1e-4, "{found} {expected}");
+            }
+        }
+    }
 }

@@ -8,7 +8,8 @@
 use rayon::prelude::*;
 
 use super::{
-    Config, Outcome, assemble,
+    Config, Outcome, Quadrics,
+    assemble::{self, Representatives},
     spill::{CellRecord, CellTriangle, RANKED, Run},
     sums::SUMS,
     table::{add, widen},
@@ -19,8 +20,8 @@ use crate::{
     external::reduce,
     geometry::CellId,
     progress::{Meter, Monitor, StageId},
-    soup::{ATTRIBUTES_MAX, Column, IndexedMesh, Triangles, Vertex},
-    storage::{RecordFile, RecordWriter, Workspace},
+    soup::{ATTRIBUTES_MAX, Column, IndexedMesh, Triangles, Vertex, VertexQuadric},
+    storage::{Record, RecordFile, RecordWriter, Workspace},
 };
 
 /// Least memory to work with.
@@ -38,7 +39,8 @@ pub(super) fn on_disk<V: Vertex>(
     let reduce_config = reduce::Config { stage: StageId::Assemble, memory_bytes: memory.bytes() };
     let (cells, triangles): (Vec<_>, Vec<_>) =
         runs.into_iter().map(|run| (run.cells, run.triangles)).unzip();
-    let (ids, vertices) = merge_cells(cells, config, &reduce_config, workspace, monitor)?;
+    let merged = merge_cells::<V>(cells, config, &reduce_config, workspace, monitor)?;
+    let Merged { ids, vertices, quadrics } = merged;
     let ranked = rank_corners(triangles, &ids, memory.bytes(), workspace, monitor)?;
     let cells = ids.count();
     drop(ids);
@@ -58,29 +60,50 @@ pub(super) fn on_disk<V: Vertex>(
     used.number();
     let triangles = renumber(&writer.finish()?, &used, workspace)?;
     let vertices = Column::File(keep_used(&vertices, &used, workspace)?);
+    let keep_quadrics = |quadrics| keep_used(&quadrics, &used, workspace).map(Column::File);
+    let quadrics = quadrics.map(keep_quadrics).transpose()?;
     let mesh = IndexedMesh { vertices, triangles: Triangles::File(triangles) };
-    Ok(Outcome { mesh, cells, spills })
+    Ok(Outcome { mesh, quadrics, cells, spills })
 }
 
-/// Adds up the partial sums of each cell and places its vertex. Returns ids and vertices, by id.
+/// All cells, by id.
+struct Merged<V> {
+    ids: RecordFile<u64>,
+    vertices: RecordFile<V>,
+    /// Where they are passed on.
+    quadrics: Option<RecordFile<VertexQuadric>>,
+}
+
+/// Adds up the partial sums of each cell and places its vertex.
 fn merge_cells<V: Vertex>(
     runs: Vec<RecordFile<CellRecord>>,
     config: &Config,
     reduce_config: &reduce::Config,
     workspace: &Workspace,
     monitor: &Monitor,
-) -> Result<(RecordFile<u64>, RecordFile<V>)> {
+) -> Result<Merged<V>> {
     let mut ids = RecordWriter::create(workspace, "cell-ids", None)?;
     let mut vertices = RecordWriter::create(workspace, "cell-vertices", None)?;
+    let mut quadrics = match config.quadrics {
+        Quadrics::PassOn => Some(RecordWriter::create(workspace, "cell-quadrics", None)?),
+        Quadrics::Drop => None,
+    };
     // The last cell of a batch may go on in the next.
     let mut pending: Vec<CellRecord> = Vec::new();
     let mut flush = |records: &[CellRecord]| -> Result<()> {
         let groups: Vec<&[CellRecord]> = records.chunk_by(|a, b| a.id == b.id).collect();
-        let placed: Vec<V> = groups.par_iter().map(|group| place(group, config)).collect();
+        let all: Vec<_> = groups.par_iter().map(|group| place::<V>(group, config)).collect();
+        let mut placed = Representatives::default();
+        for one in all {
+            placed.push(one);
+        }
         for group in groups {
             ids.push(&group[0].id)?;
         }
-        vertices.extend(&placed)
+        if let Some(writer) = &mut quadrics {
+            writer.extend(&placed.quadrics)?;
+        }
+        vertices.extend(&placed.vertices)
     };
     let no_equal_keys = |_: &mut CellRecord, _: &CellRecord| unreachable!("ties differ");
     reduce::reduce(runs, no_equal_keys, reduce_config, workspace, monitor, |batch| {
@@ -92,11 +115,12 @@ fn merge_cells<V: Vertex>(
         Ok(())
     })?;
     flush(&pending)?;
-    Ok((ids.finish()?, vertices.finish()?))
+    let quadrics = quadrics.map(RecordWriter::finish).transpose()?;
+    Ok(Merged { ids: ids.finish()?, vertices: vertices.finish()?, quadrics })
 }
 
-/// The vertex of one cell.
-fn place<V: Vertex>(group: &[CellRecord], config: &Config) -> V {
+/// The vertex of one cell, and its quadric if that is passed on.
+fn place<V: Vertex>(group: &[CellRecord], config: &Config) -> (V, Option<VertexQuadric>) {
     let (mut sums, mut attributes) = ([0; SUMS], [0; ATTRIBUTES_MAX]);
     for record in group {
         add(&mut sums, &record.sums.map(i64::from));
@@ -204,19 +228,19 @@ fn renumber(
     writer.finish()
 }
 
-/// The vertices of used cells.
-fn keep_used<V: Vertex>(
-    vertices: &RecordFile<V>,
+/// What belongs to used cells.
+fn keep_used<R: Record>(
+    of_cells: &RecordFile<R>,
     used: &Used,
     workspace: &Workspace,
-) -> Result<RecordFile<V>> {
-    let mut writer = RecordWriter::create(workspace, "vertices", None)?;
-    let mut scanner = vertices.scan()?;
+) -> Result<RecordFile<R>> {
+    let mut writer = RecordWriter::create(workspace, "used", None)?;
+    let mut scanner = of_cells.scan()?;
     let mut rank = 0;
     while let Some(batch) = scanner.next_batch()? {
-        for vertex in batch {
+        for record in batch {
             if used.contains(rank) {
-                writer.push(vertex)?;
+                writer.push(record)?;
             }
             rank += 1;
         }

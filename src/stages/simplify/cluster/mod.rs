@@ -32,7 +32,7 @@ use crate::{
     formats::{DefectKind, Findings},
     geometry::{Grid, Placement},
     progress::{Monitor, StageId},
-    soup::{IndexedMesh, Scratch, Source, Vertex},
+    soup::{Column, IndexedMesh, Scratch, Source, Vertex, VertexQuadric},
     storage::Workspace,
 };
 
@@ -49,6 +49,17 @@ pub struct Config {
     /// Memory that the assembly will find, in bytes: the tables take no more than leaves it room,
     /// even if there is more now. The whole budget, if the source is dropped in between.
     pub assembly_bytes: u64,
+    /// Whether vertices come with their quadrics.
+    pub quadrics: Quadrics,
+}
+
+/// What becomes of the cells' quadrics when the vertices are placed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quadrics {
+    /// They go.
+    Drop,
+    /// They are passed on with the vertices, for what decimates the mesh further `[GS02]`.
+    PassOn,
 }
 
 /// λ = ½ `[LS01 §3.2]`.
@@ -69,6 +80,8 @@ pub struct Outcome<V> {
     /// The result: vertices in the order of their cells, triangles in the order of their
     /// vertices.
     pub mesh: IndexedMesh<V>,
+    /// Of the surface each vertex stands for, where they are passed on; boundaries are not in them.
+    pub quadrics: Option<Column<VertexQuadric>>,
     /// Cells that held vertices.
     pub cells: u64,
     /// Runs spilled to disk.
@@ -81,6 +94,8 @@ const TABLE_BYTES_MIN: u64 = 1 << 20;
 /// What the assembly holds at its peak, relative to the tables it starts from: entries, ranks and
 /// a second copy of the triangles beside the sums.
 const ASSEMBLY_FACTOR: f64 = 1.35;
+/// The same with quadrics, a third of the tables, beside the vertices.
+const ASSEMBLY_FACTOR_QUADRICS: f64 = 1.7;
 
 /// Sums the quadrics of all triangles by cell: one pass over `source` on all threads of the
 /// current pool. Takes the memory that is left in the workspace's budget, and spills beyond it.
@@ -94,7 +109,11 @@ pub fn accumulate<V: Vertex>(
     monitor: &Monitor,
 ) -> Result<Partials<V>> {
     let threads = rayon::current_num_threads();
-    let room = (config.assembly_bytes as f64 / ASSEMBLY_FACTOR) as u64;
+    let factor = match config.quadrics {
+        Quadrics::Drop => ASSEMBLY_FACTOR,
+        Quadrics::PassOn => ASSEMBLY_FACTOR_QUADRICS,
+    };
+    let room = (config.assembly_bytes as f64 / factor) as u64;
     let share = room as f64 / workspace.budget().available_bytes().max(1) as f64;
     let memory = workspace.budget().reserve_share(share.min(1.0), TABLE_BYTES_MIN * threads as u64);
     let tables = threads.div_ceil(THREADS_PER_TABLE);

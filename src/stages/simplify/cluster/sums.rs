@@ -131,15 +131,22 @@ fn to_fixed(values: Vec4) -> [i32; 4] {
     rounded.map(|value| (value.to_bits() as u32).cast_signed())
 }
 
-/// The quadric of a cell and the mean of its corners. `boundary_weight` is the 1 − λ of
-/// `[LS01 §3.2]`.
-pub(super) fn to_quadric(sums: &TotalSums, boundary_weight: f64) -> (Quadric, DVec3) {
+/// The planes of a cell's faces, weighted by area.
+pub(super) fn to_surface(sums: &TotalSums) -> Quadric {
     let s = sums.map(|sum| sum as f64 / f64::from(ONE));
     let (xx, xy, xz, yy, yz) = (s[0], s[1], s[2], s[7], s[15]);
     let zz = (s[WEIGHT] - xx - yy).max(0.0);
     let a = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+    Quadric { a, b: DVec3::new(s[4], s[5], s[6]) }
+}
+
+/// The quadric of a cell and the mean of its corners. `boundary_weight` is the 1 − λ of
+/// `[LS01 §3.2]`.
+pub(super) fn to_quadric(sums: &TotalSums, boundary_weight: f64) -> (Quadric, DVec3) {
+    let s = sums.map(|sum| sum as f64 / f64::from(ONE));
+    let Quadric { a, b } = to_surface(sums);
     let surface = 1.0 - boundary_weight;
-    let mut quadric = Quadric { a: a * surface, b: DVec3::new(s[4], s[5], s[6]) * surface };
+    let mut quadric = Quadric { a: a * surface, b: b * surface };
     quadric.add_plane(boundary_weight, DVec3::new(s[8], s[9], s[10]), s[11]);
     let mean = DVec3::new(s[12], s[13], s[14]) / s[WEIGHT];
     (quadric, mean)
