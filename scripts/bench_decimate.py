@@ -8,13 +8,17 @@ run unless some are named:
   c  one thread against two
   d  real meshes named with --mesh, to 10 % and to 1 %
   e  throughput at ten times the size (only with --large)
+  f  the methods side by side at one count, as in [WK03 Fig. 4], on meshes named with --mesh
+  g  a pipe from the generator, of any size: read once, no disk (only with --pipe-triangles)
 
 Needs a built meshmill; builds the peers if they are missing. Only the standard library of
 Python 3.11.
 """
 
 import argparse
+import json
 import os
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -22,10 +26,24 @@ from pathlib import Path
 import bench_cluster as bench
 
 
-def decimating(b, source, out, ratio, *more):
+def decimating(b, source, out, ratio, *more, method="stream"):
     """Returns the command that decimates a file."""
-    return [b.meshmill, "simplify", source, "-o", out, "--method", "stream", "--ratio", ratio,
+    return [b.meshmill, "simplify", source, "-o", out, "--method", method, "--ratio", ratio,
             "--memory", b.options.memory, "--force", "-q", *more]
+
+
+DEVIATION_HEAD = ("result", "triangles", "RMS in→out", "RMS out→in", "max",
+                  "non-manifold · boundary edges")
+
+
+def deviation_row(b, name, source, out):
+    """Returns what the judge says of a result, for a table."""
+    d = b.deviation(source, out)
+    surface, after = d["surface"], d["b"]
+    ways = [f"{surface[way]['rms_relative']:.2e}" for way in ("a_to_b", "b_to_a")]
+    largest = f"{surface['symmetric']['max_relative']:.2e}"
+    edges = f"{after['non_manifold_edges']} · {after['boundary_edges']}"
+    return name, after["triangles"], *ways, largest, edges
 
 
 def both(b, source, ratio, runs):
@@ -34,24 +52,21 @@ def both(b, source, ratio, runs):
     share = str(float(ratio.rstrip("%")) / 100)
     peer = [b.peer, source, theirs, "--method", "simplify", "--target-ratio", share]
     commands = {"meshmill": (decimating(b, source, ours, ratio), ours), "meshoptimizer": (peer, theirs)}
-    for name, metric in (("meshmill, --metric volume", "volume"),):
-        if b.options.volume:
-            out = b.path(f"{metric}.ply")
-            commands[name] = (decimating(b, source, out, ratio, "--metric", metric), out)
+    if b.options.volume:
+        out = b.path("volume.ply")
+        command = decimating(b, source, out, ratio, "--metric", "volume")
+        commands["meshmill, --metric volume"] = (command, out)
+    # To a tenth, what clustering leaves is most of the mesh.
+    if b.options.hybrid and ratio == "1%":
+        out = b.path("hybrid.ply")
+        command = decimating(b, source, out, ratio, method="hybrid")
+        commands["meshmill, --method hybrid"] = (command, out)
     measured = bench.interleave(commands, runs)
     count = bench.stl_count(source) if source.suffix == ".stl" else bench.ply_counts(source)[1]
     print(f"**{source.name} to {ratio}**\n")
     bench.report(measured, count, [(name, "meshoptimizer") for name in commands if name != "meshoptimizer"])
-    rows = []
-    for name, (_, out) in commands.items():
-        d = b.deviation(source, out)
-        surface, after = d["surface"], d["b"]
-        ways = [f"{surface[way]['rms_relative']:.2e}" for way in ("a_to_b", "b_to_a")]
-        largest = f"{surface['symmetric']['max_relative']:.2e}"
-        edges = f"{after['non_manifold_edges']} · {after['boundary_edges']}"
-        rows.append((name, after["triangles"], *ways, largest, edges))
-    bench.table(("result", "triangles", "RMS in→out", "RMS out→in", "max",
-                 "non-manifold · boundary edges"), rows)
+    bench.table(DEVIATION_HEAD,
+                [deviation_row(b, name, source, out) for name, (_, out) in commands.items()])
 
 
 def section_a(b):
@@ -104,7 +119,53 @@ def section_e(b):
     bench.table(("triangles", "s", "M triangles/s", "peak RSS MiB"), rows)
 
 
-SECTIONS = {"a": section_a, "b": section_b, "c": section_c, "d": section_d, "e": section_e}
+def section_f(b):
+    """All methods at one count."""
+    methods = {
+        "slabs, quadrics": ["--method", "stream"],
+        "slabs, volumes": ["--method", "stream", "--metric", "volume"],
+        "window, multiple choice": ["--method", "stream", "--selection", "multiple-choice"],
+        "hybrid": ["--method", "hybrid"],
+        "clustering": ["--method", "cluster"],
+    }
+    for mesh in map(Path, b.options.mesh):
+        rows = []
+        target = str(max(bench.ply_counts(mesh)[1] // 50, 1))
+        for name, flags in methods.items():
+            out = b.path(f"{mesh.stem} {name}.ply")
+            bench.run([b.meshmill, "simplify", mesh, "-o", out, "-t", target, "--memory",
+                       b.options.memory, "--force", "-q", *flags])
+            rows.append(deviation_row(b, name, mesh, out))
+        out = b.path(f"{mesh.stem} meshoptimizer.ply")
+        share = str(int(target) / bench.ply_counts(mesh)[1])
+        bench.run([b.peer, mesh, out, "--method", "simplify", "--target-ratio", share])
+        rows.append(deviation_row(b, "meshoptimizer simplify", mesh, out))
+        print(f"**{mesh.name} to {target}**\n")
+        bench.table(DEVIATION_HEAD, rows)
+
+
+def section_g(b):
+    """A pipe."""
+    rows = []
+    for triangles in b.options.pipe_triangles:
+        out, report = b.path("piped.ply"), b.path("piped.json")
+        generate = [b.meshmill, "generate", "gyroid", "--triangles", triangles, "-q",
+                    "-o", "-", "--output-format", "soup"]
+        simplify = [b.meshmill, "simplify", "-", "--input-format", "soup", "--assume-sorted", "z",
+                    "--selection", "threshold", "--ratio", "1%", "--memory", b.options.large_memory,
+                    "-o", out, "--force", "-q", "--report", report]
+        with subprocess.Popen(list(map(str, generate)), stdout=subprocess.PIPE) as source:
+            subprocess.run(list(map(str, simplify)), stdin=source.stdout, check=True)
+        told = json.loads(report.read_text())
+        before, after = (told[side]["triangles"] for side in ("input", "output"))
+        rows.append((before, after, f"{told['seconds']:.0f}", f"{before / told['seconds'] / 1e6:.2f}",
+                     bench.mib(told["peak_memory_bytes"]), bench.mib(told["temporary_bytes_peak"])))
+    bench.table(("triangles", "result", "s, with the generator", "M triangles/s", "peak RSS MiB",
+                 "disk MiB"), rows)
+
+
+SECTIONS = {"a": section_a, "b": section_b, "c": section_c, "d": section_d, "e": section_e,
+            "f": section_f, "g": section_g}
 
 
 def arguments():
@@ -119,10 +180,12 @@ def arguments():
     add("--samples", type=int, default=1_000_000, help="of the judge (default: %(default)s)")
     add("--memory", default="256MiB", help="budget (default: %(default)s)")
     add("--volume", action="store_true", help="measure --metric volume, too")
+    add("--hybrid", action="store_true", help="measure --method hybrid to 1 %%, too")
     add("--mesh", action="append", default=[], help="a PLY for section d")
     add("--large", action="store_true", help="run section e")
     add("--large-triangles", default="100M", help="of its input (default: %(default)s)")
     add("--large-memory", default="1GiB", help="its budget (default: %(default)s)")
+    add("--pipe-triangles", action="append", default=[], help="of an input of section g")
     add("--scratch", help="a folder to work in, whose inputs are used again")
     options = parser.parse_args()
     unknown = set(options.sections) - set(SECTIONS)

@@ -191,6 +191,31 @@ fn what_is_no_manifold_is_left_alone_and_counted() {
 }
 
 #[test]
+fn sheets_that_touch_are_taken_apart_and_both_decimated() {
+    let folder = Folder::new();
+    let mut surface = Surface::hills(30);
+    let count = surface.vertices.len();
+    let touching = count / 2 + 15;
+    let above = |(k, [x, y, z]): (usize, [f32; 3])| [x, y, if k == touching { z } else { z + 5.0 }];
+    let sheet: Vec<[f32; 3]> = surface.vertices.iter().copied().enumerate().map(above).collect();
+    surface.vertices.extend(sheet);
+    let triangles = surface.triangles.clone();
+    surface.triangles.extend(triangles.iter().map(|face| face.map(|v| v + count as u64)));
+    folder.write("in.stl", surface.bytes(Format::Stl));
+    for metric in METRICS {
+        folder
+            .done(&format!("simplify in.stl -o out.ply --force -t 300 --report out.json {metric}"));
+        let report: serde_json::Value = serde_json::from_slice(&folder.read("out.json")).unwrap();
+        let decimate = &report["decimate"];
+        assert_eq!(
+            (decimate["split_vertices"].as_u64(), decimate["complex_vertices"].as_u64()),
+            (Some(1), Some(0))
+        );
+        assert_eq!(read(&folder, "out.ply").triangles().len(), 300);
+    }
+}
+
+#[test]
 fn a_target_that_topology_forbids_is_said_and_strict_is_4() {
     let folder = Folder::new();
     // Nothing of a tetrahedron can go.

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::{
     Color, Mesh, Metric, Patch,
     patch::unit_of_lengths,
-    split::{drop_lone_pairs, split_fans},
+    split::{complex, drop_lone_pairs, restore_copies, split_fans},
 };
 use crate::{
     geometry::spread,
@@ -28,7 +28,9 @@ impl<M: Metric> Mesh<M> {
             .collect();
         let mut colors = colors_by_area(&vertices, &positions, &faces);
         drop(vertices);
-        let added = split_fans(&positions, &mut faces);
+        let is_complex = complex(positions.len(), &faces);
+        restore_copies(&is_complex, &mut faces);
+        let added = split_fans(&positions, &mut faces, &is_complex);
         let quadrics = quadrics.map(|quadrics| shared_out(quadrics, &added));
         for source in added {
             positions.push(positions[source as usize]);

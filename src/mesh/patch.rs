@@ -3,7 +3,11 @@
 use glam::Vec3;
 use hashbrown::HashMap;
 
-use super::{Color, metric::Metric};
+use super::{
+    Color,
+    metric::Metric,
+    split::{complex, split_fans},
+};
 use crate::soup::{Triangle, Vertex};
 
 /// A piece of surface on its way between meshes: what of it is decided, and what is not.
@@ -93,6 +97,22 @@ impl<M: Metric> Patch<M> {
             whole.faces.extend(patch.faces.iter().map(renumber));
         }
         whole
+    }
+
+    /// Takes apart the vertices at which several sheets touch, but for shared ones, of which some
+    /// faces are not here. Each part remembers what the whole did. Returns how many vertices that
+    /// adds.
+    pub(super) fn split(&mut self) -> usize {
+        let mut is_complex = complex(self.positions.len(), &self.faces);
+        self.shared.iter().for_each(|vertex| is_complex[*vertex as usize] = false);
+        let added = split_fans(&self.positions, &mut self.faces, &is_complex);
+        for source in &added {
+            let source = *source as usize;
+            self.positions.push(self.positions[source]);
+            self.carried.push(self.carried[source]);
+            self.colors.extend(self.colors.get(source).copied());
+        }
+        added.len()
     }
 
     /// Bytes of memory it takes.

@@ -1,5 +1,5 @@
-//! Vertices at which several sheets of a surface touch, taken apart into one for each sheet: what
-//! clustering makes of a thin wall can then be decimated like any other surface `[CKS98 §5]`.
+//! Vertices at which several sheets of a surface touch, taken apart into one for each sheet: they
+//! can then be decimated like any other surface `[CKS98 §5]`.
 //!
 //! No edge is opened: around a vertex, faces are taken for one sheet from edge to edge, and at an
 //! edge with more than two faces they are paired alike from both its ends. Where they cannot be
@@ -17,16 +17,20 @@ const RING_FACES_MAX: usize = 512;
 
 type Face = [u32; 3];
 
-/// Takes apart the vertices with several fans of faces: one fan stays with each, every other one
-/// gets a vertex of its own. Returns for each of those the vertex it was part of; their numbers
-/// follow on those of `positions`, parts of one vertex on each other.
-pub(super) fn split_fans(positions: &[Vec3], faces: &mut Vec<Face>) -> Vec<u32> {
-    let (rings, _) = Rings::of_faces(positions.len(), faces);
-    let is_complex: Vec<bool> = (0..positions.len() as u32)
-        .map(|vertex| classify(rings.of(vertex)) == State::COMPLEX)
-        .collect();
-    drop(rings);
-    restore_copies(&is_complex, faces);
+/// Which vertices have faces that are no fan.
+pub(super) fn complex(vertices: usize, faces: &[Face]) -> Vec<bool> {
+    let (rings, _) = Rings::of_faces(vertices, faces);
+    (0..vertices as u32).map(|vertex| classify(rings.of(vertex)) == State::COMPLEX).collect()
+}
+
+/// Takes apart those of some vertices that have several fans of faces: one fan stays with each,
+/// every other one gets a vertex of its own. Returns for each of those the vertex it was part of;
+/// their numbers follow on those of `positions`, parts of one vertex on each other.
+pub(super) fn split_fans(
+    positions: &[Vec3],
+    faces: &mut Vec<Face>,
+    is_complex: &[bool],
+) -> Vec<u32> {
     let mut around: Vec<(u32, u32)> = Vec::new();
     for (face, corners) in (0..).zip(&*faces) {
         let complex = corners.iter().filter(|vertex| is_complex[**vertex as usize]);
@@ -72,7 +76,7 @@ struct Sides {
 /// Clustering keeps one of the faces between the same three cells, so that an edge can have more
 /// faces on one side than on the other. Puts copies back where that brings more edges into balance
 /// than out of it.
-fn restore_copies(is_complex: &[bool], faces: &mut Vec<Face>) {
+pub(super) fn restore_copies(is_complex: &[bool], faces: &mut Vec<Face>) {
     let mut sides = HashMap::<[u32; 2], Sides>::new();
     for (face, corners) in (0..).zip(&*faces) {
         for [from, to] in edges(corners) {
@@ -228,7 +232,9 @@ mod tests {
 
     /// Splits, checks that all fans are closed, and returns the vertices that were taken apart.
     fn split_to_closed(positions: &[Vec3], faces: &mut Vec<Face>) -> Vec<u32> {
-        let added = split_fans(positions, faces);
+        let is_complex = complex(positions.len(), faces);
+        restore_copies(&is_complex, faces);
+        let added = split_fans(positions, faces, &is_complex);
         let vertices = positions.len() + added.len();
         let (rings, _) = Rings::of_faces(vertices, faces);
         for vertex in 0..vertices as u32 {
@@ -291,7 +297,8 @@ mod tests {
         let places = positions(&[[0.0; 3]; 5]);
         let before = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]];
         let mut faces = before.clone();
-        assert!(split_fans(&places, &mut faces).is_empty());
+        let is_complex = complex(5, &faces);
+        assert!(split_fans(&places, &mut faces, &is_complex).is_empty());
         assert_eq!(faces, before);
     }
 
@@ -300,7 +307,8 @@ mod tests {
         // Two strips that touch in vertex 2.
         let places = positions(&[[0.0; 3]; 7]);
         let mut faces = vec![[0, 1, 2], [1, 3, 2], [2, 4, 5], [4, 6, 5]];
-        assert_eq!(split_fans(&places, &mut faces), [2]);
+        let is_complex = complex(7, &faces);
+        assert_eq!(split_fans(&places, &mut faces, &is_complex), [2]);
         assert_eq!(faces, [[0, 1, 2], [1, 3, 2], [7, 4, 5], [4, 6, 5]]);
     }
 

@@ -132,6 +132,8 @@ pub struct Mesh<M: Metric> {
     pub(super) faces_left: usize,
     /// As [`Patch::unit`].
     pub(super) unit: f32,
+    /// Vertices that were added where sheets touch.
+    pub(super) split: usize,
 }
 
 impl<M: Metric> Mesh<M> {
@@ -146,6 +148,7 @@ impl<M: Metric> Mesh<M> {
             colors: Vec::new(),
             faces_left: 0,
             unit: 1.0,
+            split: 0,
         }
     }
 
@@ -159,13 +162,45 @@ impl<M: Metric> Mesh<M> {
         self.costs.push(UNKNOWN);
     }
 
-    /// Makes a mesh of a surface as it was scanned.
+    /// Makes a mesh of a surface as it was scanned. Vertices at which several sheets touch become
+    /// one for each.
     #[must_use]
-    pub fn of_original(mut patch: Patch<M>) -> Self {
-        M::scan(&mut patch);
-        let mut mesh = Self::of_decimated(patch);
+    pub fn of_original(patch: Patch<M>) -> Self {
+        let make = |mut patch: Patch<M>| {
+            M::scan(&mut patch);
+            Self::of_decimated(patch)
+        };
+        let mut mesh = make(patch);
+        if mesh.has_complex() {
+            let mut patch = mesh.into_patch();
+            let split = patch.split();
+            mesh = Self { split, ..make(patch) };
+        }
         mesh.add_boundaries(0..mesh.states.len() as u32);
         mesh
+    }
+
+    /// Makes a mesh of patches that were joined, as [`Self::of_original`] does of one.
+    #[must_use]
+    pub fn of_joined(patch: Patch<M>) -> Self {
+        let mesh = Self::of_decimated(patch);
+        if !mesh.has_complex() {
+            return mesh;
+        }
+        let mut patch = mesh.into_patch();
+        let split = patch.split();
+        Self { split, ..Self::of_decimated(patch) }
+    }
+
+    /// Whether a vertex whose faces are all here is no fan.
+    fn has_complex(&self) -> bool {
+        self.states.contains(&State::COMPLEX)
+    }
+
+    /// Vertices that were added when the mesh was made, where sheets touch.
+    #[must_use]
+    pub fn split_vertices(&self) -> usize {
+        self.split
     }
 
     /// Tells the metric which of these vertices are on a boundary.
@@ -197,7 +232,8 @@ impl<M: Metric> Mesh<M> {
             states[vertex as usize] = states[vertex as usize].frozen();
         }
         let costs = vec![UNKNOWN; vertices];
-        let mut mesh = Self { spots, rings, held, states, costs, colors, faces_left, unit };
+        let mut mesh =
+            Self { spots, rings, held, states, costs, colors, faces_left, unit, split: 0 };
         mesh.add_boundaries(joined.into_iter());
         mesh
     }

@@ -52,8 +52,9 @@ impl<V: Vertex> Sampled<V> {
 /// is sorted like any other.
 const WINDOW_SHARE: u64 = 4;
 
-/// Bytes of memory that decimating so many triangles slab by slab needs, about, on one thread: what
-/// slabs leave and a slab, in the three quarters of it that putting triangles in order leaves them.
+/// Bytes of memory that decimating so many triangles slab by slab needs, about, on one thread: for
+/// the mesh that slabs leave, and before that for a slab and what waits, in the three quarters of it
+/// that putting triangles in order leaves them.
 pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
     let config = decimate::Config {
         axis: SweepAxis::X,
@@ -62,8 +63,12 @@ pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
         metric: simplify.metric,
         slab_triangles_min: decimate::SLAB_TRIANGLES_MIN,
         threshold: None,
-    };
-    (config.rest_bytes::<ColoredPoint>() + config.slab_bytes::<ColoredPoint>(1)) / 3 * 4
+    }
+    .as_sampled();
+    let rest_bytes = config.rest_bytes::<ColoredPoint>();
+    // While slabs are worked on, what is left of the others waits, at less than half of what it
+    // takes as a mesh.
+    rest_bytes.max((config.slab_bytes::<ColoredPoint>(1) + rest_bytes / 2) / 3 * 4)
 }
 
 impl Run<'_> {
@@ -112,6 +117,7 @@ impl Run<'_> {
             sorted_on_disk: sorted.on_disk,
             slabs: outcome.slabs,
             degenerate: outcome.degenerate,
+            split_vertices: outcome.split_vertices,
             complex_vertices: outcome.complex_vertices,
         };
         let (findings, triangles_in) = (sorted.findings, sorted.triangles);

@@ -121,6 +121,8 @@ pub struct DecimateReport {
     pub slabs: u64,
     /// Triangles left out because two of their corners were one point.
     pub degenerate: u64,
+    /// Vertices that were added because several sheets of the surface touched in one.
+    pub split_vertices: u64,
     /// Vertices left alone because their faces are no fan.
     pub complex_vertices: u64,
 }

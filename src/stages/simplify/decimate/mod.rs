@@ -28,7 +28,7 @@ use crate::{
     error::{Error, Result},
     mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch},
     progress::{Monitor, StageId},
-    soup::{Column, IndexedMesh, SweepAxis, Triangle, Triangles, Vertex},
+    soup::{IndexedMesh, SweepAxis, Triangle, Vertex},
     storage::Workspace,
 };
 
@@ -88,6 +88,8 @@ pub struct Outcome<V> {
     pub slabs: u64,
     /// Triangles left out because two of their corners were one point.
     pub degenerate: u64,
+    /// Vertices that were added because several sheets of the surface touched in one.
+    pub split_vertices: u64,
     /// Vertices left alone because their faces are no fan: non-manifold edges and vertices.
     pub complex_vertices: u64,
 }
@@ -124,6 +126,12 @@ impl Config {
             (Wanted::Ratio(ratio), _) => Some(ratio),
             (Wanted::Triangles(wanted), of) => Some(wanted as f64 / of?.max(1) as f64),
         }
+    }
+
+    /// The same, with what a sample of the surface would tell as far as memory is concerned.
+    #[must_use]
+    pub fn as_sampled(self) -> Self {
+        Self { threshold: self.ratio().map(Threshold::expected), ..self }
     }
 
     /// What slabs are decimated to.
@@ -220,23 +228,45 @@ fn decimate_by<V: Vertex, M: mesh::Metric>(
     }
     let meter = monitor.meter(StageId::Decimate, config.triangles);
     let work = Work::<M>::new::<V>(config, &meter, workspace.budget());
-    let mut slabs = 0;
-    rayon::in_place_scope(|scope| {
-        let mut cutter = Cutter::new(config.axis, config.slab_triangles_min as usize);
-        let (mut unit, work) = (config.threshold.map(|threshold| threshold.unit), &work);
-        let mut start = |slab: Slab<V>| {
-            slabs += 1;
-            let unit = *unit.get_or_insert_with(|| mesh::unit_of(&slab.triangles));
-            work.start(scope, slab, unit)
-        };
-        feed(&mut |triangles| cutter.push(triangles, &mut start))?;
-        cutter.finish().map_or(Ok(()), start)
-    })?;
+    let slabs = match other_threads() {
+        Some(pool) => {
+            pool.in_place_scope(|scope| cut_and_start(config, &work, Some(scope), feed))?
+        }
+        None => cut_and_start(config, &work, None, feed)?,
+    };
     let (pieces, _room) = work.finish()?;
     let triangles_target = config.triangles_target(meter.done());
     meter.finish();
     let outcome = finish(config.axis, pieces, triangles_target, monitor)?;
     Ok(Outcome { slabs, ..outcome })
+}
+
+/// Threads for the slabs beside those of the current pool, which are busy with reading for a small
+/// part of the time only; none where one thread is to do all.
+fn other_threads() -> Option<rayon::ThreadPool> {
+    let threads = rayon::current_num_threads() - 1;
+    let pool = || rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    (threads > 0).then(pool)?.ok()
+}
+
+/// Cuts the stream into slabs, has them decimated, and returns their number.
+fn cut_and_start<'scope, V: Vertex, M: mesh::Metric>(
+    config: &Config,
+    work: &'scope Work<'scope, M>,
+    others: Option<&rayon::Scope<'scope>>,
+    feed: impl FnOnce(&mut dyn FnMut(&[Triangle<V>]) -> Result<()>) -> Result<()>,
+) -> Result<u64> {
+    let mut cutter = Cutter::new(config.axis, config.slab_triangles_min as usize);
+    let mut unit = config.threshold.map(|threshold| threshold.unit);
+    let mut slabs = 0;
+    let mut start = |slab: Slab<V>| {
+        slabs += 1;
+        let unit = *unit.get_or_insert_with(|| mesh::unit_of(&slab.triangles));
+        work.start(others, slab, unit)
+    };
+    feed(&mut |triangles| cutter.push(triangles, &mut start))?;
+    cutter.finish().map_or(Ok(()), start)?;
+    Ok(slabs)
 }
 
 /// Joins what is left and brings it to the wanted count.
@@ -252,21 +282,15 @@ fn finish<V: Vertex, M: mesh::Metric>(
     let target = usize::try_from(triangles_target).unwrap_or(usize::MAX);
     let pieces = rest::decimate(pieces, axis, target);
     monitor.check(StageId::Finish)?;
+    let split: u64 = pieces.iter().map(|piece| piece.extent.split).sum();
     let patches = pieces.into_iter().map(|piece| piece.patch).collect();
-    let mut mesh = Mesh::of_decimated(Patch::join(patches, |_| false));
+    let mut mesh = Mesh::of_joined(Patch::join(patches, |_| false));
+    let split_vertices = split + mesh.split_vertices() as u64;
     let complex_vertices = mesh.complex_vertices() as u64;
     mesh::finish(&mut mesh, target);
     M::place(&mut mesh);
     meter.add(faces)?;
     meter.finish();
-    let patch = mesh.into_patch();
-    let vertex = |(index, position): (usize, &glam::Vec3)| {
-        V::new(position.to_array(), patch.colors.get(index).map_or([255; 4], mesh::Color::mean))
-    };
-    let vertices = patch.positions.iter().enumerate().map(vertex).collect();
-    let mesh = IndexedMesh {
-        vertices: Column::Memory(vertices),
-        triangles: Triangles::Memory(patch.faces),
-    };
-    Ok(Outcome { mesh, triangles_target, slabs: 0, degenerate, complex_vertices })
+    let mesh = mesh.into_patch().into_indexed();
+    Ok(Outcome { mesh, triangles_target, slabs: 0, degenerate, split_vertices, complex_vertices })
 }

@@ -19,6 +19,8 @@ pub(super) struct Extent {
     pub(super) triangles: u64,
     /// Those of them that were left out because two of their corners were one point.
     pub(super) degenerate: u64,
+    /// Vertices that were added where sheets touch.
+    pub(super) split: u64,
     /// Vertices that earlier pieces have and this one may have.
     pub(super) front: Vec<[f32; 3]>,
     /// Place of the first triangle after it: vertices that are not before it may have faces there.
@@ -41,7 +43,8 @@ const COST_STEP: usize = 128;
 
 impl<M: Metric> Piece<M> {
     /// What is left in a mesh; what it no longer needs of `room` is given back.
-    pub(super) fn of_mesh(mut mesh: Mesh<M>, extent: Extent, mut room: Reservation) -> Self {
+    pub(super) fn of_mesh(mut mesh: Mesh<M>, mut extent: Extent, mut room: Reservation) -> Self {
+        extent.split += mesh.split_vertices() as u64;
         let costs = mesh.sample_costs(COST_STEP);
         let patch = mesh.into_patch();
         let front_bytes = extent.front.len() * size_of::<[f32; 3]>();
@@ -91,12 +94,14 @@ impl Extent {
             index: index / super::tree::FAMILY as u64,
             triangles: 0,
             degenerate: 0,
+            split: 0,
             front: Vec::new(),
             until: None,
         };
         for (number, extent) in extents.into_iter().enumerate() {
             whole.triangles += extent.triangles;
             whole.degenerate += extent.degenerate;
+            whole.split += extent.split;
             whole.until = extent.until;
             if number == 0 {
                 whole.front = extent.front;

@@ -43,7 +43,7 @@ pub(super) fn decimate<M: Metric>(
     }
     let groups = groups.into_par_iter().map(|group| Piece::join(group, axis));
     let decimated = groups.map(|joined| {
-        let mut mesh = Mesh::of_decimated(joined.patch);
+        let mut mesh = Mesh::of_joined(joined.patch);
         sweep_blocks(&mut mesh, &limit);
         Piece::of_mesh(mesh, joined.extent, joined.room)
     });

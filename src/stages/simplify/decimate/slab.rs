@@ -37,7 +37,7 @@ pub(super) fn decimate<V: Vertex, M: Metric>(
     sweep_blocks(&mut mesh, limit);
     Piece::of_mesh(
         mesh,
-        Extent { level: 0, index, triangles: count, degenerate, front, until },
+        Extent { level: 0, index, triangles: count, degenerate, split: 0, front, until },
         room,
     )
 }

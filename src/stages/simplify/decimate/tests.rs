@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::*;
 use crate::{
     geometry::{Bounds, Sampler},
-    soup::{Point, SweepKey, Vertex as _},
+    soup::{Column, Point, SweepKey, Triangles, Vertex as _},
     storage::Budget,
 };
 

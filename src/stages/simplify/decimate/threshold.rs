@@ -23,6 +23,13 @@ pub struct Threshold {
     pub share: f64,
 }
 
+impl Threshold {
+    /// What is known of it before there is a sample.
+    pub(super) fn expected(ratio: f64) -> Self {
+        Self { cost: f32::INFINITY, unit: 1.0, share: ratio.max(SHARE_MIN) * KEEP }
+    }
+}
+
 /// Slabs leave so many times the wanted triangles: the sample is a sample, and the last ones are to
 /// go in the order of their costs.
 const KEEP: f64 = 1.15;

@@ -28,7 +28,7 @@ const SLAB: &str = "a slab of the mesh";
 /// What [`Error::Resource`] names when the last mesh does not fit.
 pub(super) const REST: &str = "the mesh that slabs leave";
 
-/// How long a thread without work sleeps before it looks again.
+/// How long a thread sleeps before it looks for memory again.
 const NAP: Duration = Duration::from_micros(200);
 
 /// What the threads share.
@@ -40,6 +40,8 @@ pub(super) struct Work<'a, M: mesh::Metric> {
     face_bytes: u64,
     /// Slabs that are begun or wait for a thread.
     under_way: AtomicUsize,
+    /// Slabs that are begun.
+    begun: AtomicUsize,
     /// Faces that are left of those that are done.
     faces_left: AtomicU64,
     tree: Mutex<Tree<M>>,
@@ -58,51 +60,74 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             budget,
             face_bytes: mesh::face_bytes::<V, M>(),
             under_way: AtomicUsize::new(0),
+            begun: AtomicUsize::new(0),
             faces_left: AtomicU64::new(0),
             tree: Mutex::default(),
             failure: Mutex::default(),
         }
     }
 
-    /// Gives a slab to the threads, and comes back when another one is wanted.
+    /// Gives a slab to the other threads, or works on it here when they have enough to do.
     pub(super) fn start<'scope, V: Vertex>(
         &'scope self,
-        scope: &rayon::Scope<'scope>,
+        others: Option<&rayon::Scope<'scope>>,
         slab: Slab<V>,
         unit: f32,
     ) -> Result<()>
     where
         'a: 'scope,
     {
-        let slab_bytes = self.face_bytes + size_of::<[V; 3]>() as u64;
-        let room = self.room_for_slab(slab.triangles.len() as u64 * slab_bytes)?;
-        self.under_way.fetch_add(1, Ordering::AcqRel);
-        scope.spawn(move |_| self.run(slab, unit, room));
-        while self.under_way.load(Ordering::Acquire)
-            >= slabs_under_way(rayon::current_num_threads())
-        {
-            lend_a_hand();
+        let room = self.room_for_slab::<V>(slab.triangles.len() as u64)?;
+        let before = self.under_way.fetch_add(1, Ordering::AcqRel);
+        match others {
+            Some(scope) if before < given_away(rayon::current_num_threads()) => {
+                scope.spawn(move |_| self.run(slab, unit, room));
+            }
+            _ => self.run(slab, unit, room),
         }
         self.check()
     }
 
-    fn room_for_slab(&self, bytes: u64) -> Result<Reservation> {
+    /// Memory for a slab's triangles, once there is enough to work on them, too.
+    fn room_for_slab<V: Vertex>(&self, triangles: u64) -> Result<Reservation> {
+        let to_wait = triangles * size_of::<[V; 3]>() as u64;
+        let bytes = to_wait + triangles * self.face_bytes;
         loop {
             // In this order: what is done after the first look gives its memory back before it.
             let is_alone = self.under_way.load(Ordering::Acquire) == 0;
-            if let Some(room) = self.budget.reserve(bytes) {
+            if let Some(mut room) = self.budget.reserve(bytes) {
+                room.shrink_to(to_wait);
                 self.check_rest()?;
                 return Ok(room);
             }
-            if self.join_ready() {
-                continue;
-            }
-            if is_alone {
-                let available_bytes = self.budget.available_bytes();
-                return Err(Error::Resource { what: SLAB, needed_bytes: bytes, available_bytes });
-            }
-            lend_a_hand();
+            self.wait_for_memory(bytes, is_alone)?;
         }
+    }
+
+    /// Memory to work on a slab of so many triangles.
+    fn room_to_work(&self, triangles: u64, room: &mut Reservation) -> Result<()> {
+        let bytes = triangles * self.face_bytes;
+        loop {
+            let is_alone = self.begun.load(Ordering::Acquire) == 0;
+            if room.grow(bytes) {
+                self.begun.fetch_add(1, Ordering::AcqRel);
+                return Ok(());
+            }
+            self.wait_for_memory(bytes, is_alone)?;
+        }
+    }
+
+    /// Comes back when there may be more memory; fails when nobody is left to give any back.
+    fn wait_for_memory(&self, needed_bytes: u64, is_alone: bool) -> Result<()> {
+        if self.join_ready() {
+            return Ok(());
+        }
+        if is_alone {
+            let available_bytes = self.budget.available_bytes();
+            return Err(Error::Resource { what: SLAB, needed_bytes, available_bytes });
+        }
+        std::thread::sleep(NAP);
+        Ok(())
     }
 
     /// Better said now than at the end of the stream: what is left already is too much.
@@ -115,14 +140,18 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         Ok(())
     }
 
-    fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, room: Reservation) {
+    fn run<V: Vertex>(&self, slab: Slab<V>, unit: f32, mut room: Reservation) {
         let triangles = slab.triangles.len() as u64;
-        let limit = self.config.slab_limit();
-        let piece = slab::decimate(slab, self.config.axis, (&limit, unit), room);
-        self.add(piece);
-        if let Err(cancelled) = self.meter.add(triangles) {
+        let done = self.room_to_work(triangles, &mut room).and_then(|()| {
+            let limit = self.config.slab_limit();
+            let piece = slab::decimate(slab, self.config.axis, (&limit, unit), room);
+            self.add(piece);
+            self.begun.fetch_sub(1, Ordering::AcqRel);
+            Ok(self.meter.add(triangles)?)
+        });
+        if let Err(error) = done {
             let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
-            *failure = Some(cancelled.into());
+            failure.get_or_insert(error);
         }
         while self.join_ready() {}
         self.under_way.fetch_sub(1, Ordering::AcqRel);
@@ -155,7 +184,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let mut joined = Piece::join(family, self.config.axis);
         let frozen = 2 * joined.patch.shared.len();
         joined.room.absorb(room);
-        let mut mesh = Mesh::of_decimated(joined.patch);
+        let mut mesh = Mesh::of_joined(joined.patch);
         if self.config.threshold.is_some() {
             mesh::sweep_blocks(&mut mesh, &self.config.slab_limit());
         } else {
@@ -201,15 +230,14 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     }
 }
 
-/// Slabs that are begun or wait, at most: one more than threads, so that none of them runs out of
-/// work while the one that reads has taken a slab itself.
-pub(super) fn slabs_under_way(threads: usize) -> usize {
-    if threads == 1 { 1 } else { threads + 1 }
+/// Slabs that other threads have begun or that wait for them, at most: two wait, so that they do
+/// not run out of work while the one that reads has taken a slab itself. On a pool of their own, for
+/// else the reading thread takes them from the pool itself, whenever it waits for a batch.
+fn given_away(threads: usize) -> usize {
+    threads + 1
 }
 
-/// Works on whatever the pool has to do, or sleeps for a moment.
-fn lend_a_hand() {
-    if rayon::yield_now().is_none_or(|done| done == rayon::Yield::Idle) {
-        std::thread::sleep(NAP);
-    }
+/// Slabs in memory at most, the one that is being filled apart.
+pub(super) fn slabs_under_way(threads: usize) -> usize {
+    if threads == 1 { 1 } else { given_away(threads) + 1 }
 }
