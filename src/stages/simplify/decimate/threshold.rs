@@ -31,8 +31,9 @@ impl Threshold {
 }
 
 /// Slabs leave so many times the wanted triangles: the sample is a sample, and the last ones are to
-/// go in the order of their costs.
-const KEEP: f64 = 1.15;
+/// go in the order of their costs. On a CT scan to 1 % the error is 7 % larger at 1.15 than by share,
+/// and 2 % at 1.4, for 2 to 4 % of the time.
+const KEEP: f64 = 1.3;
 /// The least share that blobs can tell of: below it, their borders reach into their cores.
 const SHARE_MIN: f64 = 0.01;
 /// A vertex is in the core of a blob when it is so far from its border, as a share of the edges

@@ -38,6 +38,9 @@ pub(super) struct Work<'a, M: mesh::Metric> {
     budget: &'a Budget,
     /// Bytes of a face in a mesh.
     face_bytes: u64,
+    /// Bytes of a triangle of a slab that is worked on: a mesh, and what the allocator keeps of the
+    /// memory of meshes before.
+    work_bytes: u64,
     /// Slabs that are begun or wait for a thread.
     under_way: AtomicUsize,
     /// Slabs that are begun.
@@ -59,6 +62,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             meter,
             budget,
             face_bytes: mesh::face_bytes::<V, M>(),
+            work_bytes: mesh::face_bytes::<V, M>() / 4 * 5,
             under_way: AtomicUsize::new(0),
             begun: AtomicUsize::new(0),
             faces_left: AtomicU64::new(0),
@@ -91,7 +95,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     /// Memory for a slab's triangles, once there is enough to work on them, too.
     fn room_for_slab<V: Vertex>(&self, triangles: u64) -> Result<Reservation> {
         let to_wait = triangles * size_of::<[V; 3]>() as u64;
-        let bytes = to_wait + triangles * self.face_bytes;
+        let bytes = to_wait + triangles * self.work_bytes;
         loop {
             // In this order: what is done after the first look gives its memory back before it.
             let is_alone = self.under_way.load(Ordering::Acquire) == 0;
@@ -106,7 +110,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
 
     /// Memory to work on a slab of so many triangles.
     fn room_to_work(&self, triangles: u64, room: &mut Reservation) -> Result<()> {
-        let bytes = triangles * self.face_bytes;
+        let bytes = triangles * self.work_bytes;
         loop {
             let is_alone = self.begun.load(Ordering::Acquire) == 0;
             if room.grow(bytes) {
@@ -230,11 +234,11 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     }
 }
 
-/// Slabs that other threads have begun or that wait for them, at most: two wait, so that they do
+/// Slabs that other threads have begun or that wait for them, at most: one waits, so that they do
 /// not run out of work while the one that reads has taken a slab itself. On a pool of their own, for
 /// else the reading thread takes them from the pool itself, whenever it waits for a batch.
 fn given_away(threads: usize) -> usize {
-    threads + 1
+    threads
 }
 
 /// Slabs in memory at most, the one that is being filled apart.
