@@ -17,7 +17,7 @@ run() {
 }
 
 run generate gyroid --triangles "$triangles" -o gyroid.ply
-run simplify gyroid.ply -o small.ply --method cluster -t 100k --memory 256MiB --report report.json
+run simplify gyroid.ply -o small.ply --ratio 1% --memory 256MiB --report report.json
 run info small.ply
 
 printf '\nThe results are in %s; remove the folder when you have seen them:\n' "$folder"
