@@ -40,7 +40,7 @@ pub(super) struct Work<'a, M: mesh::Metric> {
     face_bytes: u64,
     /// Bytes of a triangle of a slab that is worked on: a mesh, and what the allocator keeps of the
     /// memory of meshes before.
-    work_bytes: u64,
+    busy_bytes: u64,
     /// Slabs that are begun or wait for a thread.
     under_way: AtomicUsize,
     /// Slabs that are begun.
@@ -62,7 +62,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             meter,
             budget,
             face_bytes: mesh::face_bytes::<V, M>(),
-            work_bytes: mesh::face_bytes::<V, M>() / 4 * 5,
+            busy_bytes: mesh::face_bytes::<V, M>() / 4 * 5,
             under_way: AtomicUsize::new(0),
             begun: AtomicUsize::new(0),
             faces_left: AtomicU64::new(0),
@@ -95,7 +95,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     /// Memory for a slab's triangles, once there is enough to work on them, too.
     fn room_for_slab<V: Vertex>(&self, triangles: u64) -> Result<Reservation> {
         let to_wait = triangles * size_of::<[V; 3]>() as u64;
-        let bytes = to_wait + triangles * self.work_bytes;
+        let bytes = to_wait + triangles * self.busy_bytes;
         loop {
             // In this order: what is done after the first look gives its memory back before it.
             let is_alone = self.under_way.load(Ordering::Acquire) == 0;
@@ -110,7 +110,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
 
     /// Memory to work on a slab of so many triangles.
     fn room_to_work(&self, triangles: u64, room: &mut Reservation) -> Result<()> {
-        let bytes = triangles * self.work_bytes;
+        let bytes = triangles * self.busy_bytes;
         loop {
             let is_alone = self.begun.load(Ordering::Acquire) == 0;
             if room.grow(bytes) {
