@@ -50,9 +50,9 @@ impl Sampler {
 
     /// Halves the share of positions in the sample until it is small enough.
     fn thin_out(&mut self, count_max: usize) {
-        let same = |(hash, position): &(u64, [f32; 3])| (*hash, position.map(f32::to_bits));
-        self.picked.sort_unstable_by_key(same);
-        self.picked.dedup_by_key(|picked| same(picked));
+        // Of two positions with one hash one is lost: among 10 M vertices, once in 400,000 meshes.
+        self.picked.sort_unstable_by_key(|(hash, _)| *hash);
+        self.picked.dedup_by_key(|(hash, _)| *hash);
         while self.picked.len() > count_max {
             self.threshold /= 2;
             self.picked.truncate(self.picked.partition_point(|(hash, _)| *hash <= self.threshold));
