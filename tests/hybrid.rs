@@ -6,7 +6,7 @@ use meshmill::formats::Format;
 
 use crate::{
     command::{Dice, Folder, Surface},
-    meshes::{self, Whole},
+    meshes::{self, Whole, assert_as_wide},
 };
 
 fn read(folder: &Folder, name: &str) -> Whole {
@@ -90,17 +90,7 @@ fn it_is_nearer_to_the_surface_than_clustering_and_keeps_the_outline() {
         assert_eq!(whole.triangles().len(), target);
         let (ours, theirs) = (height_error(&whole), height_error(&cluster));
         assert!(ours * 1.5 < theirs, "{metric}: {ours} {theirs}");
-        for axis in 0..2 {
-            let extent = |positions: &[[f32; 3]]| {
-                positions.iter().fold((f32::MAX, f32::MIN), |(low, high), p| {
-                    (low.min(p[axis]), high.max(p[axis]))
-                })
-            };
-            let (before, after) = (extent(&surface.vertices), extent(&whole.positions));
-            let size = before.1 - before.0;
-            assert!((before.0 - after.0).abs() < 0.02 * size, "{metric} {before:?} {after:?}");
-            assert!((before.1 - after.1).abs() < 0.02 * size, "{metric} {before:?} {after:?}");
-        }
+        assert_as_wide(&surface.vertices, &whole.positions);
     }
 }
 

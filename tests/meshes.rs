@@ -164,3 +164,18 @@ impl io::Write for Shared {
         Ok(())
     }
 }
+
+/// Checks that two meshes reach as far as each other along the first two axes, to a fiftieth.
+pub(crate) fn assert_as_wide(before: &[[f32; 3]], after: &[[f32; 3]]) {
+    for axis in 0..2 {
+        let extent = |positions: &[[f32; 3]]| {
+            positions
+                .iter()
+                .fold((f32::MAX, f32::MIN), |(low, high), p| (low.min(p[axis]), high.max(p[axis])))
+        };
+        let (before, after) = (extent(before), extent(after));
+        let size = before.1 - before.0;
+        assert!((before.0 - after.0).abs() < 0.02 * size, "{before:?} {after:?}");
+        assert!((before.1 - after.1).abs() < 0.02 * size, "{before:?} {after:?}");
+    }
+}

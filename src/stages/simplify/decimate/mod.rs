@@ -22,7 +22,7 @@ pub use blobs::Blobs;
 use cutter::{Cutter, Slab};
 use piece::Piece;
 pub use threshold::{Threshold, threshold};
-use work::{REST, Work, slabs_under_way};
+use work::{REST, Work, busy_bytes, slabs_under_way};
 
 use crate::{
     error::{Error, Result},
@@ -162,7 +162,7 @@ impl Config {
     pub fn slab_bytes<V: Vertex>(&self, threads: usize) -> u64 {
         let triangles = self.slab_triangles().min(self.triangles.unwrap_or(u64::MAX));
         let triangle_bytes = size_of::<Triangle<V>>() as u64;
-        let each = self.face_bytes::<V>() + triangle_bytes;
+        let each = busy_bytes(self.face_bytes::<V>()) + triangle_bytes;
         // One more is being filled.
         triangles * (slabs_under_way(threads) as u64 * each + triangle_bytes)
     }

@@ -65,8 +65,8 @@ pub fn threshold<V: Vertex>(
     });
     let unit = mesh::unit_of(cut_out.first()?);
     let cost = match config.metric {
-        super::Metric::Quadric => cost_at::<V, mesh::ByQuadric>(&cut_out, (ratio, unit)),
-        super::Metric::Volume => cost_at::<V, mesh::ByVolume>(&cut_out, (ratio, unit)),
+        super::Metric::Quadric => cost_at::<V, mesh::ByQuadric>(cut_out, (ratio, unit)),
+        super::Metric::Volume => cost_at::<V, mesh::ByVolume>(cut_out, (ratio, unit)),
     };
     Some(Threshold { cost: cost?, unit, share: ratio * KEEP })
 }
@@ -85,19 +85,20 @@ impl<M: mesh::Metric> Blob<M> {
 
 /// The cost at which [`KEEP`] times this share of the vertices is left in the cores.
 fn cost_at<V: Vertex, M: mesh::Metric>(
-    cut_out: &[Vec<Triangle<V>>],
+    cut_out: Vec<Vec<Triangle<V>>>,
     (ratio, unit): (f64, f32),
 ) -> Option<f32> {
-    let make = |triangles: &Vec<Triangle<V>>| {
-        let mut patch = mesh::weld::<V, M>(triangles).into_patch();
+    let make = |triangles: Vec<Triangle<V>>| {
+        let edges = (triangles.len() as f64 / 2.0).sqrt() * BORDER_SHARE;
+        let mut patch = mesh::weld::<V, M>(&triangles).into_patch();
+        drop(triangles);
         patch.unit = unit;
         let mut mesh = Mesh::of_original(patch);
-        let edges = (triangles.len() as f64 / 2.0).sqrt() * BORDER_SHARE;
         let core = mesh.far_from_boundary(edges as usize);
         mesh.freeze_boundary();
         Blob { mesh, core }
     };
-    let mut blobs: Vec<Blob<M>> = cut_out.par_iter().map(make).collect();
+    let mut blobs: Vec<Blob<M>> = cut_out.into_par_iter().map(make).collect();
     let count = |blobs: &[Blob<M>]| blobs.iter().map(Blob::core_left).sum::<usize>();
     let all = count(&blobs);
     if all < CORE_VERTICES_MIN {

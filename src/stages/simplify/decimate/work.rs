@@ -38,13 +38,12 @@ pub(super) struct Work<'a, M: mesh::Metric> {
     budget: &'a Budget,
     /// Bytes of a face in a mesh.
     face_bytes: u64,
-    /// Bytes of a triangle of a slab that is worked on: a mesh, and what the allocator keeps of the
-    /// memory of meshes before.
+    /// As of [`busy_bytes`].
     busy_bytes: u64,
     /// Slabs that are begun or wait for a thread.
     under_way: AtomicUsize,
-    /// Slabs that are begun.
-    begun: AtomicUsize,
+    /// Slabs and joins that hold memory to work in, and will give it back.
+    holders: Mutex<usize>,
     /// Faces that are left of those that are done.
     faces_left: AtomicU64,
     tree: Mutex<Tree<M>>,
@@ -62,9 +61,9 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             meter,
             budget,
             face_bytes: mesh::face_bytes::<V, M>(),
-            busy_bytes: mesh::face_bytes::<V, M>() / 4 * 5,
+            busy_bytes: busy_bytes(mesh::face_bytes::<V, M>()),
             under_way: AtomicUsize::new(0),
-            begun: AtomicUsize::new(0),
+            holders: Mutex::default(),
             faces_left: AtomicU64::new(0),
             tree: Mutex::default(),
             failure: Mutex::default(),
@@ -112,11 +111,14 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     fn room_to_work(&self, triangles: u64, room: &mut Reservation) -> Result<()> {
         let bytes = triangles * self.busy_bytes;
         loop {
-            let is_alone = self.begun.load(Ordering::Acquire) == 0;
+            // One look at both: another slab, or a join, may take the memory in between.
+            let mut holders = self.holders();
             if room.grow(bytes) {
-                self.begun.fetch_add(1, Ordering::AcqRel);
+                *holders += 1;
                 return Ok(());
             }
+            let is_alone = *holders == 0;
+            drop(holders);
             self.wait_for_memory(bytes, is_alone)?;
         }
     }
@@ -150,7 +152,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             let limit = self.config.slab_limit();
             let piece = slab::decimate(slab, self.config.axis, (&limit, unit), room);
             self.add(piece);
-            self.begun.fetch_sub(1, Ordering::AcqRel);
+            *self.holders() -= 1;
             Ok(self.meter.add(triangles)?)
         });
         if let Err(error) = done {
@@ -183,7 +185,10 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     /// Joins neighbours that wait for it, if there are any and the memory is there.
     fn join_ready(&self) -> bool {
         let admit = |family: &[Piece<M>]| self.room_for_mesh(family);
+        let mut holders = self.holders();
         let Some((family, room)) = self.tree().take_ready(admit) else { return false };
+        *holders += 1;
+        drop(holders);
         let faces_before = faces_of(&family);
         let mut joined = Piece::join(family, self.config.axis);
         let frozen = 2 * joined.patch.shared.len();
@@ -198,6 +203,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         }
         self.add(Piece::of_mesh(mesh, joined.extent, joined.room));
         self.faces_left.fetch_sub(faces_before, Ordering::Relaxed);
+        *self.holders() -= 1;
         true
     }
 
@@ -224,6 +230,11 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         }
     }
 
+    /// Locked before [`Self::tree`] where both are.
+    fn holders(&self) -> MutexGuard<'_, usize> {
+        self.holders.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn tree(&self) -> MutexGuard<'_, Tree<M>> {
         self.tree.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -232,6 +243,12 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
         failure.map_or(Ok(()), Err)
     }
+}
+
+/// Bytes of a triangle of a slab that is worked on, by those of a face in a mesh: a quarter more for
+/// what the allocator keeps of the memory of meshes before.
+pub(super) fn busy_bytes(face_bytes: u64) -> u64 {
+    face_bytes / 4 * 5
 }
 
 /// Slabs that other threads have begun or that wait for them, at most: one waits, so that they do
