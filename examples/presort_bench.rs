@@ -37,7 +37,7 @@ fn main() -> Result<()> {
 
 fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> Result<()> {
     let monitor = Monitor::silent();
-    let (order, _) = presort::measure_order(source, &monitor, |_| false)?;
+    let (order, _) = presort::measure_order(source, workspace, &monitor, |_| false)?;
     println!("late by at most {order:?} along x, y, z");
     let memory_bytes = workspace.budget().limit_bytes();
     let (axis, displacement_max) = (SweepAxis::Z, order.displacement_max[2]);
@@ -50,6 +50,7 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
         for_each_in_order(
             source,
             &meter,
+            workspace.budget(),
             |taken, count| *count = taken.triangles.len() as u64,
             |count: &mut u64| {
                 triangles += *count;
@@ -61,7 +62,7 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
     let absorb = || sort(Method::Absorb { displacement_max });
     let sorted = || sort(Method::Sort);
     let order = || {
-        let measured = presort::measure_order(source, &monitor, |_| false);
+        let measured = presort::measure_order(source, workspace, &monitor, |_| false);
         measured.map(|(order, _)| order.displacement_max[2])
     };
     let ways: [(&str, &dyn Fn() -> Result<u64>); 4] =

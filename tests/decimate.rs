@@ -124,6 +124,19 @@ fn the_bytes_are_the_same_for_any_order_threads_and_memory() {
 }
 
 #[test]
+fn many_threads_keep_within_the_memory() {
+    let folder = Folder::new();
+    folder.done("generate gyroid --triangles 2M -o in.soup");
+    let (budget, beside) = (96 << 20, 64 << 20);
+    for method in ["stream", "hybrid", "cluster"] {
+        let line = format!("simplify in.soup -o {method}.ply --method {method} --ratio 1%");
+        let report = folder.report(&format!("{line} --memory 96MiB -j 16"));
+        let peak = report["peak_memory_bytes"].as_u64().unwrap();
+        assert!(peak < budget + beside, "{method}: {peak}");
+    }
+}
+
+#[test]
 fn colours_travel_with_their_vertices() {
     let folder = Folder::new();
     let mut surface = Surface::hills(80);

@@ -23,6 +23,7 @@ use args::{Cli, Command};
 pub(crate) fn main() -> ExitCode {
     // Misuse ends here, with exit code 2 and clap's explanation.
     let Cli { command } = Cli::parse();
+    meshmill::storage::share_heap();
     host::raise_open_files();
     let host = host::host();
     match &command {

@@ -128,7 +128,8 @@ impl Run<'_> {
     fn sample<V: Vertex>(&self, source: &Source<V>, survey: &Survey) -> Result<Sampled<V>> {
         let blobs = decimate::Blobs::choose(&survey.sample, &survey.bounds);
         let is_chosen = |triangle: &Triangle<V>| blobs.as_ref().is_some_and(|b| b.takes(triangle));
-        let (order, triangles) = presort::measure_order(source, self.monitor, is_chosen)?;
+        let (order, triangles) =
+            presort::measure_order(source, self.workspace, self.monitor, is_chosen)?;
         Ok(Sampled { order, blobs, triangles })
     }
 

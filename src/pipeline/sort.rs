@@ -128,7 +128,7 @@ impl Run<'_> {
         if survey.displacement_max.is_some() || !repeatable || source.records().is_some_and(fits) {
             return Ok(survey.displacement_max);
         }
-        let (order, _) = presort::measure_order(source, self.monitor, |_| false)?;
+        let (order, _) = presort::measure_order(source, self.workspace, self.monitor, |_| false)?;
         Ok(Some(order.displacement_max))
     }
 }

@@ -185,7 +185,7 @@ impl Run<'_> {
             (Some(displacement_max), Some(triangles)) => {
                 presort::Order { displacement_max, triangles }
             }
-            _ => presort::measure_order(&source, self.monitor, |_| false)?.0,
+            _ => presort::measure_order(&source, self.workspace, self.monitor, |_| false)?.0,
         };
         Ok((source, survey, Some(order)))
     }

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::{Pass, Scratch, Source, Taken, Vertex};
-use crate::{error::Result, formats::Findings, progress::Meter};
+use crate::{error::Result, formats::Findings, progress::Meter, storage::Budget};
 
 /// A batch under way.
 struct Slot<T> {
@@ -17,18 +17,20 @@ struct Slot<T> {
 /// `take` gets what was made, in order, on the calling thread, while the next batches are worked
 /// on. What was made is handed to `work` again for another batch, so that its memory is reused.
 ///
-/// Memory: two of what is made, and one [`Scratch`], for each thread. Returns what the pass found.
+/// Memory: for each of [`Budget::threads`] two of what is made, and one [`Scratch`]. Returns what
+/// the pass found.
 ///
 /// # Errors
 /// What reading the source fails with, what `take` returns, cancellation.
 pub fn for_each_in_order<V: Vertex, T: Default + Send>(
     source: &Source<V>,
     meter: &Meter<'_>,
+    budget: &Budget,
     work: impl Fn(&Taken<'_, V>, &mut T) + Sync,
     mut take: impl FnMut(&mut T) -> Result<()>,
 ) -> Result<Findings> {
     let pass = source.pass();
-    let width = rayon::current_num_threads();
+    let width = budget.threads();
     let scratches = Mutex::new(Vec::new());
     let (mut spare, mut ready): (Vec<Slot<T>>, Vec<Slot<T>>) = (Vec::new(), Vec::new());
     loop {

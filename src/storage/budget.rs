@@ -5,6 +5,10 @@ use std::sync::{
     atomic::{AtomicU64, Ordering},
 };
 
+/// See [`Budget::threads`].
+const THREAD_BYTES: u64 = 8 << 20;
+const THREADS_SHARE: u64 = 4;
+
 /// The memory of one job. Large structures reserve their bytes before they allocate them; small
 /// ones (a batch, a buffer) live in the constant that the promise leaves beside the budget.
 #[derive(Clone, Debug)]
@@ -42,6 +46,15 @@ impl Budget {
     #[must_use]
     pub fn available_bytes(&self) -> u64 {
         self.shared.limit_bytes.saturating_sub(self.shared.used_bytes.load(Ordering::Relaxed))
+    }
+
+    /// Threads of the current pool that may pass over a source at a time. What they hold of it,
+    /// batches and small tables, is not reserved: a thread takes up to 8 MiB, and all together no
+    /// more than a quarter of the budget, but for the first two.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        let within = usize::try_from(self.shared.limit_bytes / THREADS_SHARE / THREAD_BYTES);
+        rayon::current_num_threads().min(within.map_or(usize::MAX, |within| within.max(2)))
     }
 
     /// Takes `bytes`, or `None` when that much is not left.

@@ -1,4 +1,4 @@
-//! Read-only mapping of a finished record file. The crate's only `unsafe` is here.
+//! Read-only mapping of a finished record file. All `unsafe` on memory is here.
 //!
 //! Mapped reading is for random access; what is read front to back goes through
 //! [`super::RecordScanner`], which stays small without help.

@@ -2,6 +2,7 @@
 //! they may take, and output files that appear under their name only when complete.
 
 mod budget;
+mod heap;
 mod mapped;
 mod output;
 mod record;
@@ -11,6 +12,7 @@ mod workspace;
 mod writer;
 
 pub use budget::{Budget, Reservation};
+pub use heap::share_heap;
 pub use mapped::MappedRecords;
 pub use output::{OutputFile, Overwrite, check_output, is_stream, open_input};
 pub use record::{Record, RecordFile};

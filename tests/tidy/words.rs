@@ -2,8 +2,8 @@
 
 use super::{expect_none, rust_files};
 
-/// The only file that may reach past the type system.
-const UNSAFE_FILE: &str = "src/storage/mapped.rs";
+/// The only files that may reach past the type system: memory maps, and a call of the C library.
+const UNSAFE_FILES: &[&str] = &["src/storage/heap.rs", "src/storage/mapped.rs"];
 
 /// Macros that stand for code that is not there yet, or not meant to stay.
 const UNFINISHED_MACROS: &[&str] = &["todo!", "unimplemented!", "dbg!"];
@@ -67,11 +67,12 @@ fn a_lint_is_expected_and_never_allowed() {
 }
 
 #[test]
-fn unsafe_lives_in_one_file() {
+fn unsafe_lives_in_few_files() {
     let mut faults = Vec::new();
-    for file in rust_files().iter().filter(|file| file.path != UNSAFE_FILE) {
+    for file in rust_files().iter().filter(|file| !UNSAFE_FILES.contains(&file.path.as_str())) {
         for line in lines_with(&file.views.code, "unsafe") {
-            faults.push(format!("{}:{line}: unsafe belongs into {UNSAFE_FILE}", file.path));
+            faults
+                .push(format!("{}:{line}: unsafe belongs into one of {UNSAFE_FILES:?}", file.path));
         }
     }
     expect_none(&faults);

@@ -287,7 +287,7 @@ impl Job<'_> {
             minima.fill(taken.triangles, bounds);
         };
         let mut records = 0;
-        for_each_in_order(source, meter, work, |(minima, bounds)| {
+        for_each_in_order(source, meter, self.workspace.budget(), work, |(minima, bounds)| {
             order.add(minima);
             self.look.bounds = self.look.bounds.union(bounds);
             records += minima.count() as u64;
@@ -301,8 +301,9 @@ impl Job<'_> {
     fn look_in_any_order<V: Vertex>(&mut self, source: &Source<V>, meter: &Meter) -> Result<u64> {
         let pass = source.pass();
         let looks = Mutex::new(Vec::new());
+        let threads = self.workspace.budget().threads();
         rayon::scope(|scope| {
-            for _ in 0..rayon::current_num_threads() {
+            for _ in 0..threads {
                 scope.spawn(|_| {
                     let look = look_at_soup(&pass, meter);
                     looks.lock().unwrap_or_else(PoisonError::into_inner).push(look);

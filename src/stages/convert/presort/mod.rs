@@ -127,8 +127,9 @@ pub fn presort<V: Vertex>(
             let fill = |taken: &Taken<'_, V>, batch: &mut Batch<V>| {
                 batch.fill(taken.triangles, config.axis);
             };
-            let findings =
-                pass(source, monitor, fill, |batch| stream.take(batch, &sorter, &mut sink))?;
+            let findings = pass(source, (workspace, monitor), fill, |batch| {
+                stream.take(batch, &sorter, &mut sink)
+            })?;
             stream.finish(findings, &mut sink)?
         }
         Method::Sort => {
@@ -138,7 +139,8 @@ pub fn presort<V: Vertex>(
                 let all = taken.triangles.iter();
                 records.extend(all.map(|triangle| SweepRecord::new(triangle, config.axis)));
             };
-            let findings = pass(source, monitor, convert, |records| sorter.push(records))?;
+            let findings =
+                pass(source, (workspace, monitor), convert, |records| sorter.push(records))?;
             let on_disk = sorter.is_on_disk();
             sorter.finish_into(|records| sink.pass_on(records))?;
             Outcome { triangles: 0, displacement_max: None, held_max: 0, on_disk, findings }
@@ -150,12 +152,12 @@ pub fn presort<V: Vertex>(
 /// Passes over the source: `make` works on all threads, what it made is handed to `take` in order.
 fn pass<V: Vertex, T: Default + Send>(
     source: &Source<V>,
-    monitor: &Monitor,
+    (workspace, monitor): (&Workspace, &Monitor),
     make: impl Fn(&Taken<'_, V>, &mut T) + Sync,
     take: impl FnMut(&mut T) -> Result<()>,
 ) -> Result<Findings> {
     let meter = monitor.meter(StageId::Sort, source.records());
-    let findings = for_each_in_order(source, &meter, make, take)?;
+    let findings = for_each_in_order(source, &meter, workspace.budget(), make, take)?;
     meter.finish();
     Ok(findings)
 }
@@ -246,6 +248,7 @@ pub struct Order {
 /// What reading the source fails with, cancellation.
 pub fn measure_order<V: Vertex>(
     source: &Source<V>,
+    workspace: &Workspace,
     monitor: &Monitor,
     is_chosen: impl Fn(&Triangle<V>) -> bool + Sync,
 ) -> Result<(Order, Vec<Triangle<V>>)> {
@@ -258,7 +261,7 @@ pub fn measure_order<V: Vertex>(
         batch.chosen.extend(chosen);
     };
     let (mut triangles, mut chosen) = (0, Vec::new());
-    for_each_in_order(source, &meter, look, |batch| {
+    for_each_in_order(source, &meter, workspace.budget(), look, |batch| {
         order.add(&batch.minima);
         triangles += batch.count;
         chosen.append(&mut batch.chosen);

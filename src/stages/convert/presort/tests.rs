@@ -96,7 +96,8 @@ fn sorts_in_every_way<V: Vertex>(triangles: &[Triangle<V>], axis: SweepAxis) {
     expected.sort_by_key(|triangle| SweepKey::of(triangle, axis));
     let workspace = Workspace::for_test();
     let (order, _) =
-        measure_order(&source(triangles, &workspace), &Monitor::silent(), |_| false).unwrap();
+        measure_order(&source(triangles, &workspace), &workspace, &Monitor::silent(), |_| false)
+            .unwrap();
     let displacement_max = order.displacement_max[axis.index()];
     for (threads, memory_bytes) in [(1, 1 << 30), (2, 1 << 30), (1, 1 << 20), (2, 1 << 16)] {
         for method in [Method::Sort, Method::Absorb { displacement_max }] {
@@ -172,8 +173,10 @@ fn a_window_holds_no_more_than_its_bytes_and_what_ties() {
         let field = disturbed(height_field::<Point>(2000, 100), distance);
         let workspace = Workspace::for_test();
         let (order, chosen) =
-            measure_order(&source(&field, &workspace), &Monitor::silent(), |t| t.0[0].0[0] < 0.5)
-                .unwrap();
+            measure_order(&source(&field, &workspace), &workspace, &Monitor::silent(), |t| {
+                t.0[0].0[0] < 0.5
+            })
+            .unwrap();
         let expected: Vec<_> = field.iter().filter(|t| t.0[0].0[0] < 0.5).copied().collect();
         assert!(!chosen.is_empty() && chosen == expected);
         let method = Method::Absorb { displacement_max: order.displacement_max[0] };

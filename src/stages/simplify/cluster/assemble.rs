@@ -200,11 +200,12 @@ mod tests {
         geometry::{Bounds, Grid, Placement},
         progress::{Cancel, Monitor},
         soup::{Point, Triangle},
+        stages::simplify::cluster::{merge, spill},
+        storage::Workspace,
     };
 
     /// Hills over a square of 9 by 9 vertices, in cells of about four.
-    #[test]
-    fn what_is_passed_on_are_the_planes_of_the_faces_in_each_cell() {
+    fn hills() -> (Vec<Triangle<Point>>, Config) {
         let side = 9;
         let position = |i: u32| {
             let (x, y) = ((i % side) as f32, (i / side) as f32);
@@ -224,6 +225,50 @@ mod tests {
             assembly_bytes: 1 << 20,
             quadrics: Quadrics::PassOn,
         };
+        (triangles, config)
+    }
+
+    #[test]
+    fn what_is_passed_on_is_the_same_from_runs_on_disk() {
+        let (triangles, config) = hills();
+        let table = |triangles: &[Triangle<Point>]| {
+            let mut table = CellTable::new();
+            table.add(&config.grid, triangles, 0);
+            table
+        };
+        let (workspace, monitor) = (Workspace::for_test(), Monitor::silent());
+        let runs = triangles
+            .chunks(17)
+            .zip(0..)
+            .map(|(part, serial)| spill::spill(&mut table(part), serial, &workspace));
+        let runs = runs.collect::<Result<Vec<_>>>().unwrap();
+        let merged = merge::on_disk::<Point>(runs, &config, &workspace, &monitor).unwrap();
+        let whole = in_memory(vec![table(&triangles)], &config, &monitor).unwrap();
+        assert!(merged.spills > 1 && whole.mesh.counts() == merged.mesh.counts());
+        let all = |column: Column<Point>| {
+            let mut scan = column.scan().unwrap();
+            let mut bits = Vec::new();
+            while let Some(batch) = scan.next_batch().unwrap() {
+                bits.extend(batch.iter().map(|point| point.0.map(f32::to_bits)));
+            }
+            bits
+        };
+        assert_eq!(all(merged.mesh.vertices), all(whole.mesh.vertices));
+        let all = |column: Option<Column<VertexQuadric>>| {
+            let (column, mut quadrics) = (column.unwrap(), Vec::new());
+            let mut scan = column.scan().unwrap();
+            while let Some(batch) = scan.next_batch().unwrap() {
+                quadrics.extend(batch.iter().map(|quadric| (quadric.a, quadric.b)));
+            }
+            quadrics
+        };
+        assert_eq!(all(merged.quadrics), all(whole.quadrics));
+    }
+
+    #[test]
+    fn what_is_passed_on_are_the_planes_of_the_faces_in_each_cell() {
+        let (triangles, config) = hills();
+        let grid = config.grid;
         let mut table = CellTable::new();
         table.add(&grid, &triangles, 0);
         let monitor = Monitor { observer: &(), cancel: Cancel::default() };

@@ -108,7 +108,7 @@ pub fn accumulate<V: Vertex>(
     workspace: &Workspace,
     monitor: &Monitor,
 ) -> Result<Partials<V>> {
-    let threads = rayon::current_num_threads();
+    let threads = workspace.budget().threads();
     let factor = match config.quadrics {
         Quadrics::Drop => ASSEMBLY_FACTOR,
         Quadrics::PassOn => ASSEMBLY_FACTOR_QUADRICS,
