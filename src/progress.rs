@@ -40,6 +40,8 @@ pub enum StageId {
     Generate,
     /// Counts, bounds and order of triangles.
     Info,
+    /// Edges, vertices and components of a surface counted.
+    Topology,
 }
 
 impl StageId {
@@ -60,6 +62,7 @@ impl StageId {
             Self::Export => "export",
             Self::Generate => "generate",
             Self::Info => "info",
+            Self::Topology => "topology",
         }
     }
 }

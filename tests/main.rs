@@ -31,4 +31,6 @@ mod stream;
 #[cfg(test)]
 mod tidy;
 #[cfg(test)]
+mod topology;
+#[cfg(test)]
 mod torture;

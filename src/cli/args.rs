@@ -43,7 +43,7 @@ pub(super) enum Command {
     Sort(Sort),
     /// Soup to indexed mesh (.ply or .obj): equal positions become one vertex
     Weld(Convert),
-    /// Counts, bounds, order and defects, in one pass
+    /// Counts, bounds, order and defects, in one pass; with --topology edges and components, too
     Info(Info),
     /// A synthetic surface of any size, streamed
     Generate(Generate),
@@ -312,6 +312,11 @@ pub(super) struct Machine {
 pub(super) struct Info {
     #[command(flatten)]
     pub(super) inputs: Inputs,
+
+    /// Count boundary and non-manifold edges, components and more: two passes, and a sort where the
+    /// triangles are in no order
+    #[arg(long)]
+    pub(super) topology: bool,
 
     /// Write JSON
     #[arg(long)]

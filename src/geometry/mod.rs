@@ -8,6 +8,7 @@ mod ordered;
 mod polygon;
 mod quadric;
 mod sample;
+mod shape;
 
 pub use bounds::Bounds;
 pub use grid::{CELLS_PER_AXIS_MAX, CellId, Grid, Located};
@@ -17,3 +18,4 @@ pub use ordered::ordered_f32;
 pub use polygon::triangulate;
 pub use quadric::{Placement, Quadric};
 pub use sample::{Sample, Sampler};
+pub use shape::{has_no_area, is_worse_than};

@@ -11,9 +11,10 @@ mod report;
 mod run;
 mod sort;
 mod streaming;
+mod topology;
 
 pub use crate::stages::simplify::decimate::Metric;
-pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
+pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
@@ -22,3 +23,4 @@ pub use report::{
     OutputReport, Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
+pub use topology::{TopologyReport, topology};
