@@ -54,6 +54,30 @@ impl Bounds {
         self
     }
 
+    /// The smallest box of single precision around a point of double precision.
+    #[inline]
+    #[must_use]
+    pub fn around(point: [f64; 3]) -> Self {
+        let below =
+            |c: f64| if f64::from(c as f32) > c { (c as f32).next_down() } else { c as f32 };
+        let above = |c: f64| if f64::from(c as f32) < c { (c as f32).next_up() } else { c as f32 };
+        Self { min: point.map(below), max: point.map(above) }
+    }
+
+    /// The square of the gap between two boxes that are not empty, 0 where they meet. Rounded:
+    /// what is compared with it is made a little larger, see [`reach_sq`].
+    #[inline]
+    #[must_use]
+    pub fn gap_sq(&self, other: &Self) -> f32 {
+        let mut sum = 0.0;
+        for axis in 0..3 {
+            let gap = greater(self.min[axis] - other.max[axis], other.min[axis] - self.max[axis]);
+            let gap = greater(gap, 0.0);
+            sum += gap * gap;
+        }
+        sum
+    }
+
     /// Whether no point was added.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -83,9 +107,54 @@ impl Bounds {
     }
 }
 
+/// The greater of two numbers; unlike `f32::max`, an instruction.
+#[inline]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// How far rounding can take [`Bounds::gap_sq`] above the truth, with room to spare.
+const GAP_SLACK: f64 = 1.0 + 1e-6;
+
+/// The square of a distance as [`Bounds::gap_sq`] may be compared with it: what is in a box cannot
+/// be nearer than `distance_sq` when the gap to the box is greater than this. Infinite gaps are not
+/// greater than an infinite reach, so boxes too far apart for single precision are still looked at.
+#[inline]
+#[must_use]
+pub fn reach_sq(distance_sq: f64) -> f32 {
+    ((distance_sq * GAP_SLACK) as f32).next_up()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_gap_between_boxes_is_never_beyond_reach_of_what_is_in_them() {
+        let one = Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let gap = |min, max| one.gap_sq(&Bounds { min, max });
+        assert_eq!(gap([0.5; 3], [2.0; 3]), 0.0);
+        assert_eq!(gap([4.0, 0.0, 5.0], [9.0; 3]), 25.0);
+        assert_eq!(gap([-9.0; 3], [-4.0, 0.5, -3.0]), 25.0);
+        // Out of the range of single precision on both ends.
+        assert!(gap([3e38; 3], [3.1e38; 3]) <= reach_sq(3e76));
+        for distance in [1e-40_f64, 1e-25, 0.1, 1.0, 1e15, 1e19] {
+            let here = Bounds::around([distance, 0.3, 0.3]);
+            let origin = Bounds { min: [0.0; 3], max: [0.0, 1.0, 1.0] };
+            assert!(here.gap_sq(&origin) <= reach_sq(distance * distance), "{distance}");
+        }
+    }
+
+    #[test]
+    fn a_point_of_double_precision_is_in_the_box_around_it() {
+        for point in [[0.1, -0.1, 0.5], [1e9 + 0.3, -1e-300, 0.0]] {
+            let bounds = Bounds::around(point);
+            for axis in 0..3 {
+                let (min, max) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
+                assert!(min <= point[axis] && point[axis] <= max, "{point:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_box_grows_with_its_points_and_ignores_nan() {
