@@ -77,6 +77,12 @@ pub enum Fault {
         /// Vertices found.
         vertices: u64,
     },
+    /// The input has triangles, but none with an area.
+    #[error("none of {triangles} faces has an area")]
+    NoArea {
+        /// Triangles found.
+        triangles: u64,
+    },
     /// Something else stands where the format wants a certain thing.
     #[error("expected {expected}, found {found:?}")]
     Syntax {

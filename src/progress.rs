@@ -40,8 +40,12 @@ pub enum StageId {
     Generate,
     /// Counts, bounds and order of triangles.
     Info,
-    /// Edges, vertices and components of a surface counted.
-    Topology,
+    /// Areas and bounds of surfaces that will be compared.
+    Survey,
+    /// Points of a surface that will be measured.
+    Sample,
+    /// Points measured against the triangles of another surface.
+    Compare,
 }
 
 impl StageId {
@@ -62,7 +66,9 @@ impl StageId {
             Self::Export => "export",
             Self::Generate => "generate",
             Self::Info => "info",
-            Self::Topology => "topology",
+            Self::Survey => "survey",
+            Self::Sample => "sample",
+            Self::Compare => "compare",
         }
     }
 }

@@ -13,8 +13,8 @@ use meshmill::{
 };
 
 use super::args::{
-    Axis, Choosing, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect, Output,
-    Placement, Selection, Simplify, Sort, SortedAxis,
+    Axis, Choosing, Compare, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect,
+    Output, Placement, Selection, Simplify, Sort, SortedAxis,
 };
 
 /// What the machine offers.
@@ -114,7 +114,7 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
         task,
         inputs: input_paths(&args.inputs),
         input_format: args.inputs.input_format,
-        on_defect: on_defect(&args.inputs),
+        on_defect: on_defect(args.inputs.on_defect),
         output_format: format,
         compression,
         memory_bytes: memory_bytes(&args.run.machine, host),
@@ -129,12 +129,25 @@ const TEMP_DIR_WITHOUT_OUTPUT: &str = "/var/tmp";
 
 /// What `info` looks at.
 pub(super) fn info(args: &Info, host: &Host) -> pipeline::Info {
-    let detail = if args.topology { pipeline::Detail::Topology } else { pipeline::Detail::OnePass };
     pipeline::Info {
-        detail,
         inputs: input_paths(&args.inputs),
         input_format: args.inputs.input_format,
-        on_defect: on_defect(&args.inputs),
+        on_defect: on_defect(args.inputs.on_defect),
+        memory_bytes: memory_bytes(&args.machine, host),
+        threads: threads(&args.machine, host),
+        temp_dir: temp_dir(&args.machine, Some(Path::new(TEMP_DIR_WITHOUT_OUTPUT)), host),
+    }
+}
+
+/// What `compare` compares.
+pub(super) fn compare(args: &Compare, host: &Host) -> pipeline::Compare {
+    pipeline::Compare {
+        a: input_path(&args.a),
+        b: input_path(&args.b),
+        input_format: args.input_format,
+        on_defect: on_defect(args.on_defect),
+        samples: args.samples,
+        seed: args.seed,
         memory_bytes: memory_bytes(&args.machine, host),
         threads: threads(&args.machine, host),
         temp_dir: temp_dir(&args.machine, Some(Path::new(TEMP_DIR_WITHOUT_OUTPUT)), host),
@@ -160,16 +173,16 @@ pub(super) fn destination(output: &Output, host: &Host) -> Result<Destination> {
 
 /// The inputs of any command.
 pub(super) fn input_paths(args: &Inputs) -> Vec<InputPath> {
-    let path = |path: &PathBuf| match path {
-        path if path == Path::new("-") => InputPath::Stdin,
-        path => InputPath::File(path.clone()),
-    };
-    args.paths.iter().map(path).collect()
+    args.paths.iter().map(|path| input_path(path)).collect()
+}
+
+fn input_path(path: &Path) -> InputPath {
+    if path == Path::new("-") { InputPath::Stdin } else { InputPath::File(path.to_owned()) }
 }
 
 /// Policy for bad records.
-pub(super) fn on_defect(args: &Inputs) -> formats::OnDefect {
-    match args.on_defect {
+pub(super) fn on_defect(typed: OnDefect) -> formats::OnDefect {
+    match typed {
         OnDefect::Fail => formats::OnDefect::Fail,
         OnDefect::Skip => formats::OnDefect::Skip,
     }
@@ -307,7 +320,6 @@ mod tests {
             other => panic!("{other:?}"),
         };
         let (json, plain) = info("meshmill info a.ply b.ply");
-        assert_eq!(plain.detail, pipeline::Detail::OnePass);
         assert_eq!(
             (json, plain.inputs.len(), plain.on_defect),
             (false, 2, formats::OnDefect::Fail)
@@ -317,7 +329,6 @@ mod tests {
         let line = "meshmill info - --json --input-format stl --on-defect skip --memory 64MiB -j 1 \
              --temp-dir t";
         let (json, other) = info(line);
-        assert_eq!(info("meshmill info a.ply --topology").1.detail, pipeline::Detail::Topology);
         assert_eq!((json, other.input_format), (true, Some(Format::Stl)));
         assert_eq!((other.on_defect, other.memory_bytes), (formats::OnDefect::Skip, 64 << 20));
         assert_eq!((other.temp_dir.as_path(), other.threads), (Path::new("t"), 1));

@@ -3,6 +3,7 @@
 mod args;
 mod bars;
 mod commands;
+mod compare;
 mod display;
 mod figures;
 mod host;
@@ -11,7 +12,6 @@ mod job;
 mod lines;
 mod outcome;
 mod passes;
-mod topology;
 mod values;
 
 use std::process::ExitCode;
@@ -33,6 +33,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Sort(args) => commands::sort(args, &host),
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),
         Command::Info(args) => info::info(args, &host),
+        Command::Compare(args) => compare::compare(args, &host),
         Command::Generate(args) => commands::generate(args, &host),
     }
 }

@@ -1,6 +1,8 @@
-//! From a job to a finished output: what will be done, and the doing; and what a mesh is like.
+//! From a job to a finished output: what will be done, and the doing; and what a mesh is like,
+//! alone or beside another one.
 
 mod attempts;
+mod compare;
 mod decimation;
 mod hybrid;
 mod info;
@@ -11,10 +13,13 @@ mod report;
 mod run;
 mod sort;
 mod streaming;
-mod topology;
 
 pub use crate::stages::simplify::decimate::Metric;
-pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
+pub use compare::{
+    Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport, RelativeReport,
+    SamplesReport, compare,
+};
+pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
@@ -23,4 +28,3 @@ pub use report::{
     OutputReport, Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
-pub use topology::{TopologyReport, topology};

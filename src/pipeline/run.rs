@@ -113,23 +113,40 @@ impl Prepared {
         Ok(report)
     }
 
+    /// The inputs alone, for work of another kind.
+    pub(super) fn into_inputs(self) -> Vec<OpenInput> {
+        self.inputs
+    }
+
     /// Does `work` on the job's threads, with its workspace and budget.
     pub(super) fn with_room<T: Send>(
         self,
         monitor: &Monitor,
         work: impl FnOnce(&Run, Vec<OpenInput>) -> Result<T> + Send,
     ) -> Result<T> {
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(self.job.threads).build();
-        let threads =
-            threads.map_err(std::io::Error::other).at("start threads in", Path::new("."))?;
-        let workspace = Workspace::create(&self.job.temp_dir)?;
-        let workspace = workspace.with_budget(Budget::new(self.job.memory_bytes));
+        let Room { threads, workspace } =
+            room(self.job.threads, &self.job.temp_dir, self.job.memory_bytes)?;
         let colored = self.inputs.iter().any(|open| open.reader.declared().colors);
         let double = self.inputs.iter().any(|open| open.reader.declared().double);
         let run = Run { job: &self.job, colored, double, workspace: &workspace, monitor };
         let inputs = self.inputs;
         threads.install(|| work(&run, inputs))
     }
+}
+
+/// Where work is done.
+pub(super) struct Room {
+    pub(super) threads: rayon::ThreadPool,
+    /// With its budget.
+    pub(super) workspace: Workspace,
+}
+
+/// Starts threads and makes a workspace.
+pub(super) fn room(threads: usize, temp_dir: &Path, memory_bytes: u64) -> Result<Room> {
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let threads = threads.map_err(std::io::Error::other).at("start threads in", Path::new("."))?;
+    let workspace = Workspace::create(temp_dir)?.with_budget(Budget::new(memory_bytes));
+    Ok(Room { threads, workspace })
 }
 
 /// What the stages of one run share.

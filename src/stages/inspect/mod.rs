@@ -1,4 +1,4 @@
 //! What a mesh is like, told and not changed.
 
+pub mod deviation;
 pub mod info;
-pub mod topology;
