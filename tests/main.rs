@@ -9,6 +9,8 @@ mod cluster;
 #[cfg(test)]
 mod command;
 #[cfg(test)]
+mod compare;
+#[cfg(test)]
 mod convert;
 #[cfg(test)]
 mod decimate;
@@ -30,7 +32,5 @@ mod sort;
 mod stream;
 #[cfg(test)]
 mod tidy;
-#[cfg(test)]
-mod topology;
 #[cfg(test)]
 mod torture;
