@@ -40,6 +40,8 @@ pub enum StageId {
     Generate,
     /// Counts, bounds and order of triangles.
     Info,
+    /// Edges, vertices and components of a surface counted.
+    Topology,
     /// Areas and bounds of surfaces that will be compared.
     Survey,
     /// Points of a surface that will be measured.
@@ -66,6 +68,7 @@ impl StageId {
             Self::Export => "export",
             Self::Generate => "generate",
             Self::Info => "info",
+            Self::Topology => "topology",
             Self::Survey => "survey",
             Self::Sample => "sample",
             Self::Compare => "compare",

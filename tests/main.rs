@@ -33,4 +33,6 @@ mod stream;
 #[cfg(test)]
 mod tidy;
 #[cfg(test)]
+mod topology;
+#[cfg(test)]
 mod torture;

@@ -44,7 +44,7 @@ pub(super) enum Command {
     Sort(Sort),
     /// Soup to indexed mesh (.ply or .obj): equal positions become one vertex
     Weld(Convert),
-    /// Counts, bounds, order and defects, in one pass
+    /// Counts, bounds, order and defects, in one pass; with --topology edges and components, too
     Info(Info),
     /// How far two meshes are from each other, both ways
     Compare(Compare),
@@ -315,6 +315,11 @@ pub(super) struct Machine {
 pub(super) struct Info {
     #[command(flatten)]
     pub(super) inputs: Inputs,
+
+    /// Count boundary and non-manifold edges, components and more: two passes, and a sort where the
+    /// triangles are in no order
+    #[arg(long)]
+    pub(super) topology: bool,
 
     /// Write JSON
     #[arg(long)]

@@ -13,7 +13,7 @@ use super::{
     commands::{in_session, print},
     figures,
     job::{self, Host},
-    outcome,
+    outcome, topology,
 };
 
 /// `meshmill info`.
@@ -59,6 +59,11 @@ fn table(report: &InfoReport) -> String {
     if let Some(bounds) = &report.bounds {
         bounds_rows(bounds, &mut row);
         row("order", &order(&report.order));
+    }
+    for (index, (name, value)) in
+        report.topology.counted.iter().flat_map(topology::lines).enumerate()
+    {
+        row(if index == 0 { "topology" } else { "" }, &format!("{name}: {value}"));
     }
     if report.defects.is_empty() {
         row("defects", "none");
@@ -131,7 +136,7 @@ fn order(order: &OrderReport) -> String {
 
 #[cfg(test)]
 mod tests {
-    use meshmill::pipeline::{DefectInfo, TopologyReport};
+    use meshmill::pipeline::{DefectInfo, TopologyFacts, TopologyReport};
 
     use super::*;
 
@@ -152,7 +157,7 @@ mod tests {
                 displacement_max: 1234,
                 displacement_max_xyz: [0, 5, 1234],
             },
-            topology: TopologyReport { triangles_per_vertex: Some(1.9998) },
+            topology: TopologyFacts { triangles_per_vertex: Some(1.9998), counted: None },
             defects: [("degenerate", defect), ("trailing_bytes", trailing)].into(),
         }
     }
@@ -179,12 +184,45 @@ defects      degenerate: 1,200, first at record 7
     #[test]
     fn a_soup_without_defects_is_short() {
         let order = OrderReport { sorted: true, ..report().order };
-        let topology = TopologyReport { triangles_per_vertex: None };
+        let topology = TopologyFacts { triangles_per_vertex: None, counted: None };
         let (dropped, defects) = (Vec::new(), [].into());
         let soup = InfoReport { vertices: None, order, topology, dropped, defects, ..report() };
         let text = table(&soup);
         assert!(text.contains("not shared: a soup\nattributes"), "{text}");
         assert!(text.contains("sorted along z, the longest side\ndefects      none\n"), "{text}");
+    }
+
+    #[test]
+    fn what_was_counted_is_in_the_table_and_beside_what_is_suggested() {
+        let counted = TopologyReport {
+            triangles: 4,
+            faces: 4,
+            vertices: 4,
+            edges: 6,
+            euler_characteristic: 2,
+            components: 1,
+            boundary_edges: 0,
+            boundary_vertices: 0,
+            non_manifold_edges: 0,
+            non_manifold_vertices: 0,
+            inconsistent_edges: 0,
+            duplicate_faces: 0,
+            degenerate_faces: 0,
+            slivers: 1,
+            sliver_share: 0.25,
+        };
+        let topology = TopologyFacts { counted: Some(counted), ..report().topology };
+        let report = InfoReport { topology, ..report() };
+        let text = table(&report);
+        assert!(text.contains("\ntopology     faces: 4\n             vertices: 4\n"), "{text}");
+        let value: serde_json::Value = serde_json::from_str(&json(&report).unwrap()).unwrap();
+        let topology = &value["topology"];
+        assert_eq!(topology["triangles_per_vertex"], 1.9998);
+        assert_eq!(
+            (&topology["euler_characteristic"], &topology["components"]),
+            (&2.into(), &1.into())
+        );
+        assert_eq!(topology["sliver_share"], 0.25);
     }
 
     #[test]

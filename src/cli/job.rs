@@ -129,7 +129,9 @@ const TEMP_DIR_WITHOUT_OUTPUT: &str = "/var/tmp";
 
 /// What `info` looks at.
 pub(super) fn info(args: &Info, host: &Host) -> pipeline::Info {
+    let detail = if args.topology { pipeline::Detail::Topology } else { pipeline::Detail::OnePass };
     pipeline::Info {
+        detail,
         inputs: input_paths(&args.inputs),
         input_format: args.inputs.input_format,
         on_defect: on_defect(args.inputs.on_defect),
@@ -320,6 +322,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         let (json, plain) = info("meshmill info a.ply b.ply");
+        assert_eq!(plain.detail, pipeline::Detail::OnePass);
         assert_eq!(
             (json, plain.inputs.len(), plain.on_defect),
             (false, 2, formats::OnDefect::Fail)
@@ -329,6 +332,7 @@ mod tests {
         let line = "meshmill info - --json --input-format stl --on-defect skip --memory 64MiB -j 1 \
              --temp-dir t";
         let (json, other) = info(line);
+        assert_eq!(info("meshmill info a.ply --topology").1.detail, pipeline::Detail::Topology);
         assert_eq!((json, other.input_format), (true, Some(Format::Stl)));
         assert_eq!((other.on_defect, other.memory_bytes), (formats::OnDefect::Skip, 64 << 20));
         assert_eq!((other.temp_dir.as_path(), other.threads), (Path::new("t"), 1));

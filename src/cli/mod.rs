@@ -12,6 +12,7 @@ mod job;
 mod lines;
 mod outcome;
 mod passes;
+mod topology;
 mod values;
 
 use std::process::ExitCode;

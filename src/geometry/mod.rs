@@ -10,6 +10,7 @@ mod point_tree;
 mod polygon;
 mod quadric;
 mod sample;
+mod shape;
 
 pub use bounds::{Bounds, reach_sq};
 pub use closest_point::distance_sq_to_triangle;
@@ -21,3 +22,4 @@ pub use point_tree::{FANOUT, Found, PointTree};
 pub use polygon::triangulate;
 pub use quadric::{Placement, Quadric};
 pub use sample::{Sample, Sampler};
+pub use shape::{has_no_area, is_worse_than};

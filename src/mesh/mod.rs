@@ -35,6 +35,7 @@ pub use choice::{Choice, Decimated};
 pub use finish::{Finished, approach, finish};
 pub use metric::Metric;
 pub use patch::{Patch, unit_of};
+pub use position_index::PositionIndex;
 pub use quadric::Quadric;
 pub use release::{Released, release, release_all};
 pub use surface::{Color, Mesh, State, face_bytes};

@@ -5,25 +5,22 @@ use glam::Vec3;
 use super::{surface::NONE, weld::hash};
 
 /// Vertices by position: open addressing, at most three quarters full. Where a vertex is, its owner tells.
-pub(super) struct PositionIndex {
+pub struct PositionIndex {
     slots: Vec<u32>,
     count: usize,
 }
 
 impl PositionIndex {
-    pub(super) fn with_room_for(vertices: usize) -> Self {
+    /// An empty index with room for so many; it grows beyond.
+    #[must_use]
+    pub fn with_room_for(vertices: usize) -> Self {
         let slots = (vertices / 2 * 3).next_power_of_two().max(16);
         Self { slots: vec![NONE; slots], count: 0 }
     }
 
     /// The vertex at `position`, or `new`, which is at home there from now on.
     #[inline]
-    pub(super) fn find_or_add(
-        &mut self,
-        position: Vec3,
-        new: u32,
-        at: impl Fn(u32) -> Vec3,
-    ) -> u32 {
+    pub fn find_or_add(&mut self, position: Vec3, new: u32, at: impl Fn(u32) -> Vec3) -> u32 {
         let mut slot = self.first_slot(position);
         loop {
             match self.slots[slot] {

@@ -180,6 +180,7 @@ impl Compare {
             inputs: vec![path.clone()],
             input_format: self.input_format,
             on_defect: self.on_defect,
+            detail: info::Detail::OnePass,
             memory_bytes: self.memory_bytes / MEMORY_PARTS,
             threads: self.threads,
             temp_dir: self.temp_dir.clone(),

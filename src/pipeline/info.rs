@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{BoundsReport, Job, Task, prepare, run::Run};
+use super::{BoundsReport, Job, Sort, Task, TopologyReport, prepare, run::Run};
 use crate::{
     error::{Position, Result},
     formats::{Compression, Findings, Format, OnDefect},
@@ -15,6 +15,7 @@ use crate::{
         convert::{
             export::Target,
             import::{self, Need},
+            presort,
         },
         inspect::info as stage,
     },
@@ -23,6 +24,8 @@ use crate::{
 /// What to look at, and with what.
 #[derive(Clone, Debug)]
 pub struct Info {
+    /// How closely.
+    pub detail: Detail,
     /// The inputs: one mesh, in this order.
     pub inputs: Vec<InputPath>,
     /// Format of all inputs; recognised when `None`.
@@ -35,6 +38,15 @@ pub struct Info {
     pub threads: usize,
     /// Folder for the workspace, which is used when the vertices do not fit in memory.
     pub temp_dir: PathBuf,
+}
+
+/// How closely to look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// What one pass over the inputs tells.
+    OnePass,
+    /// Edges and components, too, for which the triangles are put in the order of a sweep.
+    Topology,
 }
 
 /// What a mesh is like.
@@ -54,8 +66,8 @@ pub struct InfoReport {
     pub dropped: Vec<String>,
     /// How far the triangles are from being sorted.
     pub order: OrderReport,
-    /// What the counts suggest.
-    pub topology: TopologyReport,
+    /// How the surface hangs together.
+    pub topology: TopologyFacts,
     /// By kind.
     pub defects: BTreeMap<&'static str, DefectInfo>,
 }
@@ -74,12 +86,15 @@ pub struct OrderReport {
     pub displacement_max_xyz: [u64; 3],
 }
 
-/// What the counts suggest about the surface; nothing of it is proved.
+/// What the counts suggest about the surface, and what was counted of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct TopologyReport {
-    /// Nearly 2 on a closed surface with few handles, less with boundaries or where vertices are
+pub struct TopologyFacts {
+    /// Of the inputs as they are; nothing is proved by it. Nearly 2 on a closed surface with few handles, less with boundaries or where vertices are
     /// not shared, 1/3 when no vertex is shared; `None` when an input is a soup.
     pub triangles_per_vertex: Option<f64>,
+    /// With [`Detail::Topology`].
+    #[serde(flatten)]
+    pub counted: Option<TopologyReport>,
 }
 
 /// A kind of defect.
@@ -95,24 +110,42 @@ pub struct DefectInfo {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Looks at the inputs: one pass, memory within the budget, and temporary files only for indexed
-/// inputs whose vertices do not fit in it.
+/// inputs whose vertices do not fit in it. What [`Detail::Topology`] takes is said at
+/// [`topology`](super::topology()).
 ///
 /// # Errors
 /// [`crate::Error::Input`] when an input is not what it says or has no faces,
 /// [`crate::Error::Io`], [`crate::Error::Request`] and [`crate::Error::Resource`] as
 /// [`prepare`](super::prepare), cancellation.
 pub fn info(info: Info, monitor: &Monitor) -> Result<InfoReport> {
-    let prepared = prepare(reading(info))?;
-    prepared.with_room(monitor, |run, inputs| {
-        if run.colored { look::<ColoredPoint>(run, inputs) } else { look::<Point>(run, inputs) }
+    let detail = info.detail;
+    in_room(reading(info), monitor, |run, inputs| {
+        if run.colored {
+            look::<ColoredPoint>(run, inputs, detail)
+        } else {
+            look::<Point>(run, inputs, detail)
+        }
     })
 }
 
-/// The job that reads the same in the same way. A soup is its task since that, too, needs the
-/// triangles once and in order; it is never written.
+/// Does `work` with the inputs of a job, on its threads and with its memory.
+pub(super) fn in_room<T: Send>(
+    job: Job,
+    monitor: &Monitor,
+    work: impl FnOnce(&Run, Vec<OpenInput>) -> Result<T> + Send,
+) -> Result<T> {
+    prepare(job)?.with_room(monitor, work)
+}
+
+/// The job that reads the same in the same way: `soup`, too, needs the triangles once and as they
+/// come, and `sort` needs them in order. Nothing is written.
 pub(super) fn reading(info: Info) -> Job {
+    let task = match info.detail {
+        Detail::OnePass => Task::Soup,
+        Detail::Topology => Task::Sort(Sort { axis: None }),
+    };
     Job {
-        task: Task::Soup,
+        task,
         inputs: info.inputs,
         input_format: info.input_format,
         on_defect: info.on_defect,
@@ -125,7 +158,7 @@ pub(super) fn reading(info: Info) -> Job {
     }
 }
 
-fn look<V: Vertex>(run: &Run, inputs: Vec<OpenInput>) -> Result<InfoReport> {
+fn look<V: Vertex>(run: &Run, inputs: Vec<OpenInput>, detail: Detail) -> Result<InfoReport> {
     let mut formats: Vec<&str> = Vec::new();
     for name in inputs.iter().map(|open| open.reader.format().name()) {
         if !formats.contains(&name) {
@@ -133,9 +166,23 @@ fn look<V: Vertex>(run: &Run, inputs: Vec<OpenInput>) -> Result<InfoReport> {
         }
     }
     let indexed = inputs.iter().all(|open| open.reader.declared().indexed);
-    let import::Outcome { source, survey } = run.import::<V>(inputs, Need::Triangles)?;
+    let is_repeatable = inputs.iter().all(|open| open.input.is_repeatable());
+    // What is read once and needed twice has to be set aside.
+    let need = match detail {
+        Detail::Topology if !is_repeatable => Need::Survey,
+        _ => Need::Triangles,
+    };
+    let import::Outcome { source, survey } = run.import::<V>(inputs, need)?;
     let config = stage::Config { maxima_max: stage::MAXIMA_DEFAULT };
     let outcome = stage::info(&source, &config, run.monitor)?;
+    let counted = match detail {
+        Detail::OnePass => None,
+        Detail::Topology => {
+            let displacement_max = outcome.displacement_max;
+            let order = presort::Order { displacement_max, triangles: outcome.triangles };
+            Some(run.topology_in_order(&source, &outcome.bounds, order)?)
+        }
+    };
     let vertices = indexed.then_some(survey.vertices);
     let ratio = |vertices: u64| outcome.triangles as f64 / vertices as f64;
     let colors: &[_] = if V::COLORED { &["color"] } else { &[] };
@@ -146,8 +193,9 @@ fn look<V: Vertex>(run: &Run, inputs: Vec<OpenInput>) -> Result<InfoReport> {
         bounds: BoundsReport::new(&outcome.bounds, survey.origin),
         attributes: [&["position"], colors].concat(),
         order: order(&outcome),
-        topology: TopologyReport {
+        topology: TopologyFacts {
             triangles_per_vertex: vertices.filter(|count| *count > 0).map(ratio),
+            counted,
         },
         defects: defects(&outcome.findings),
         dropped: outcome.findings.dropped,

@@ -13,13 +13,14 @@ mod report;
 mod run;
 mod sort;
 mod streaming;
+mod topology;
 
 pub use crate::stages::simplify::decimate::Metric;
 pub use compare::{
     Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport, RelativeReport,
     SamplesReport, compare,
 };
-pub use info::{DefectInfo, Info, InfoReport, OrderReport, TopologyReport, info};
+pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
@@ -28,3 +29,4 @@ pub use report::{
     OutputReport, Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
+pub use topology::{TopologyReport, topology};

@@ -181,13 +181,22 @@ impl Run<'_> {
         if simplify.assume_sorted.is_some() {
             return Ok((source, survey, None));
         }
-        let order = match (survey.displacement_max, source.records()) {
+        let order = self.order_of(&source, &survey)?;
+        Ok((source, survey, Some(order)))
+    }
+
+    /// How far from sorted the triangles are: as was found when they were imported, or by a pass.
+    pub(super) fn order_of<V: Vertex>(
+        &self,
+        source: &Source<V>,
+        survey: &Survey,
+    ) -> Result<presort::Order> {
+        Ok(match (survey.displacement_max, source.records()) {
             (Some(displacement_max), Some(triangles)) => {
                 presort::Order { displacement_max, triangles }
             }
-            _ => presort::measure_order(&source, self.workspace, self.monitor, |_| false)?.0,
-        };
-        Ok((source, survey, Some(order)))
+            _ => presort::measure_order(source, self.workspace, self.monitor, |_| false)?.0,
+        })
     }
 }
 

@@ -2,3 +2,4 @@
 
 pub mod deviation;
 pub mod info;
+pub mod topology;
