@@ -17,7 +17,8 @@ struct Arguments {
     input: PathBuf,
     /// The PLY file to write
     output: PathBuf,
-    /// Vertex clustering (sloppy) or edge collapse (simplify)
+    /// Vertex clustering (sloppy), edge collapse (simplify), or that with vertices moved to where
+    /// the error is least (update)
     #[arg(long)]
     method: Method,
     #[command(flatten)]
@@ -31,6 +32,7 @@ struct Arguments {
 enum Method {
     Sloppy,
     Simplify,
+    Update,
 }
 
 #[derive(Args)]
@@ -112,20 +114,36 @@ fn simplify(mesh: &Mesh, method: Method, target: usize) -> Result<Mesh> {
     let indices: &[u32] = bytemuck::cast_slice(&mesh.triangles);
     let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
     // No limit to the error, so that the count is what binds.
+    let none = meshopt::SimplifyOptions::None;
     let mut indices = match method {
         Method::Sloppy => meshopt::simplify_sloppy(indices, &vertices, 3 * target, f32::MAX, None),
-        Method::Simplify => meshopt::simplify(
-            indices,
-            &vertices,
-            3 * target,
-            f32::MAX,
-            meshopt::SimplifyOptions::None,
-            None,
-        ),
+        Method::Simplify => meshopt::simplify(indices, &vertices, 3 * target, f32::MAX, none, None),
+        Method::Update => return Ok(update(mesh, 3 * target, none)),
     };
     let positions = meshopt::optimize_vertex_fetch(&mut indices, &mesh.positions);
     let triangles = bytemuck::cast_slice(&indices).to_vec();
     Ok(Mesh { positions, triangles, origin: mesh.origin })
+}
+
+/// Collapses edges and moves the vertices that are left.
+fn update(mesh: &Mesh, index_count: usize, options: meshopt::SimplifyOptions) -> Mesh {
+    let mut indices: Vec<u32> = bytemuck::cast_slice(&mesh.triangles).to_vec();
+    let mut positions = mesh.positions.clone();
+    let count = meshopt::simplify_with_update(
+        &mut indices,
+        &mut positions,
+        &mut [],
+        &[],
+        0,
+        None,
+        index_count,
+        f32::MAX,
+        options,
+        None,
+    );
+    indices.truncate(count);
+    let positions = meshopt::optimize_vertex_fetch(&mut indices, &positions);
+    Mesh { positions, triangles: bytemuck::cast_slice(&indices).to_vec(), origin: mesh.origin }
 }
 
 /// Measures the seconds between laps.
