@@ -69,6 +69,11 @@ fn compare_tells_a_script_how_far_two_meshes_are_apart() {
     assert_eq!((&report["a"]["triangles"], &report["a"]["area"]), (&json!(2), &json!(4.0)));
     assert_eq!((&report["b"]["path"], &report["boxes_meet"]), (&json!("b.obj"), &json!(false)));
     assert_eq!(report["samples"], json!({ "count": 2000, "seed": 0, "corners": 12 }));
+    for mesh in ["a", "b"] {
+        let topology = &report["topology"][mesh];
+        let edges = ["edges", "boundary_edges", "components"].map(|name| &topology[name]);
+        assert_eq!(edges, [&json!(5), &json!(4), &json!(1)], "{mesh}");
+    }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left behind");
 }
 

@@ -11,7 +11,7 @@ use super::{
     figures,
     info::{coordinate, json},
     job::{self, Host},
-    outcome,
+    outcome, topology,
 };
 
 /// `meshmill compare`.
@@ -35,6 +35,9 @@ const APART: &str = "WARNING: the boxes around A and B do not meet: are they in 
 const NAME_WIDTH: usize = 7;
 /// Width of a column of numbers.
 const COLUMN_WIDTH: usize = 13;
+/// The same of topology: a count with a share beside it is wider.
+const NAMES_WIDTH: usize = 28;
+const COUNTS_WIDTH: usize = 26;
 
 fn table(report: &CompareReport) -> String {
     let mut text = String::new();
@@ -66,6 +69,13 @@ fn table(report: &CompareReport) -> String {
     line("", &format!("Diagonal of A: {}", coordinate(report.diagonal)));
     for sentence in confidence(report) {
         line("", &sentence);
+    }
+    line("", "");
+    let topology = &report.topology;
+    let heads = [("topology", "A".to_owned())].into_iter().chain(topology::lines(&topology.a));
+    let others = ["B".to_owned()].into_iter().chain(topology::lines(&topology.b).map(|of| of.1));
+    for ((name, a), b) in heads.zip(others) {
+        line("", &format!("{name:NAMES_WIDTH$}{a:>COUNTS_WIDTH$}{b:>COUNTS_WIDTH$}"));
     }
     text
 }

@@ -6,8 +6,9 @@ use std::{collections::BTreeMap, path::PathBuf};
 use serde::Serialize;
 
 use super::{
-    BoundsReport, DefectInfo, Info, info, prepare,
+    BoundsReport, DefectInfo, Detail, Info, TopologyReport, info, prepare,
     run::{Room, room},
+    topology,
 };
 use crate::{
     error::{Error, Fault, Position, Result},
@@ -18,6 +19,7 @@ use crate::{
         convert::{
             dereference,
             import::{self, Need},
+            presort,
         },
         inspect::deviation::{self, Outcome, Surface, Target},
     },
@@ -67,6 +69,17 @@ pub struct CompareReport {
     pub b_to_a: DeviationReport,
     /// Which points.
     pub samples: SamplesReport,
+    /// How both hang together.
+    pub topology: BothTopologies,
+}
+
+/// How two meshes hang together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BothTopologies {
+    /// The first mesh.
+    pub a: TopologyReport,
+    /// The second mesh.
+    pub b: TopologyReport,
 }
 
 /// A mesh that was compared.
@@ -157,7 +170,7 @@ const MEMORY_PARTS: u64 = 3;
 /// Share of the memory that is left which the vertices of a mesh may take.
 const TABLE_SHARE: f64 = 0.3;
 
-/// Compares two meshes. Reads each about six times; standard input is set aside first.
+/// Compares two meshes. Reads each about eight times; standard input is set aside first.
 ///
 /// # Errors
 /// [`Error::Input`] when an input is not what it says, has no faces or none with an area,
@@ -177,10 +190,10 @@ impl Compare {
     /// Opens a mesh, and looks whether the disk has room for what has to be set aside.
     fn open(&self, path: &InputPath) -> Result<Vec<OpenInput>> {
         let reading = info::reading(Info {
+            detail: Detail::Topology,
             inputs: vec![path.clone()],
             input_format: self.input_format,
             on_defect: self.on_defect,
-            detail: info::Detail::OnePass,
             memory_bytes: self.memory_bytes / MEMORY_PARTS,
             threads: self.threads,
             temp_dir: self.temp_dir.clone(),
@@ -204,6 +217,12 @@ impl Compare {
             deviation::deviation(from, &Target::new(to, budget), &config, budget, monitor)
         };
         let (a_to_b, b_to_a) = (measure(&a, &b)?, measure(&b, &a)?);
+        let count = |source: &Source<Point>, surface: &Surface<Point>| {
+            let workspace = &room.workspace;
+            let (order, _) = presort::measure_order(source, workspace, monitor, |_| false)?;
+            topology::count(source, &surface.bounds, order, workspace, monitor)
+        };
+        let topology = BothTopologies { a: count(&source_a, &a)?, b: count(&source_b, &b)? };
         let diagonal = a.bounds.diagonal();
         let (bounds_a, bounds_b) = (bounds(&a), bounds(&b));
         let meet = |a: &BoundsReport, b: &BoundsReport| {
@@ -223,6 +242,7 @@ impl Compare {
                 seed: self.seed,
                 corners: 3 * (a.triangles + b.triangles),
             },
+            topology,
         })
     }
 }

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use serde::Serialize;
 
-use super::{BoundsReport, Job, Sort, Task, TopologyReport, prepare, run::Run};
+use super::{BoundsReport, Job, Sort, Task, TopologyReport, prepare, run::Run, topology};
 use crate::{
     error::{Position, Result},
     formats::{Compression, Findings, Format, OnDefect},
@@ -180,7 +180,7 @@ fn look<V: Vertex>(run: &Run, inputs: Vec<OpenInput>, detail: Detail) -> Result<
         Detail::Topology => {
             let displacement_max = outcome.displacement_max;
             let order = presort::Order { displacement_max, triangles: outcome.triangles };
-            Some(run.topology_in_order(&source, &outcome.bounds, order)?)
+            Some(topology::count(&source, &outcome.bounds, order, run.workspace, run.monitor)?)
         }
     };
     let vertices = indexed.then_some(survey.vertices);

@@ -17,8 +17,8 @@ mod topology;
 
 pub use crate::stages::simplify::decimate::Metric;
 pub use compare::{
-    Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport, RelativeReport,
-    SamplesReport, compare,
+    BothTopologies, Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport,
+    RelativeReport, SamplesReport, compare,
 };
 pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};

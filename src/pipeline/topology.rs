@@ -6,21 +6,21 @@ use serde::Serialize;
 use super::{
     Detail, Info,
     info::{in_room, reading},
-    run::Run,
     streaming::sort_config,
 };
 use crate::{
     error::{Error, Result},
     geometry::Bounds,
     progress::Monitor,
-    soup::{OpenInput, Point, Source, SweepAxis, Vertex},
+    soup::{Point, Source, SweepAxis, Vertex},
     stages::{
         convert::{
-            import::{self, Need, Survey},
+            import::{self, Need},
             presort,
         },
         inspect::topology as stage,
     },
+    storage::Workspace,
 };
 
 /// How a surface hangs together, after corners at one position have been made one vertex. What each
@@ -68,41 +68,44 @@ pub struct TopologyReport {
 /// As [`info`](super::info()), and [`Error::Resource`] when the front of the sweep fits the memory
 /// along no axis.
 pub fn topology(info: Info, monitor: &Monitor) -> Result<TopologyReport> {
-    fn count<V: Vertex>(run: &Run, inputs: Vec<OpenInput>) -> Result<TopologyReport> {
-        let import::Outcome { source, survey } = run.import::<V>(inputs, Need::Order)?;
-        run.topology(&source, &survey)
-    }
-    // Colours have no say in it.
     let info = Info { detail: Detail::Topology, ..info };
-    in_room(reading(info), monitor, count::<Point>)
+    in_room(reading(info), monitor, |run, inputs| {
+        // Colours have no say in it.
+        let import::Outcome { source, survey } = run.import::<Point>(inputs, Need::Order)?;
+        let order = run.order_of(&source, &survey)?;
+        count(&source, &survey.bounds, order, run.workspace, run.monitor)
+    })
 }
 
 /// Share of the budget in which the triangles are put in order; the slabs have the rest.
 const ORDER_SHARE: u64 = 2;
 
-impl Run<'_> {
-    /// Counts what the triangles of a source, which can be read again, are made of.
-    pub(super) fn topology<V: Vertex>(
-        &self,
-        source: &Source<V>,
-        survey: &Survey,
-    ) -> Result<TopologyReport> {
-        let order = self.order_of(source, survey)?;
-        self.topology_in_order(source, &survey.bounds, order)
-    }
+/// What the triangles of a source are made of, which can be read again and lie in a box.
+pub(super) fn count<V: Vertex>(
+    source: &Source<V>,
+    bounds: &Bounds,
+    order: presort::Order,
+    workspace: &Workspace,
+    monitor: &Monitor,
+) -> Result<TopologyReport> {
+    Count { source, order, workspace, monitor }.along_any(bounds)
+}
 
-    /// The same, where the order is known.
-    pub(super) fn topology_in_order<V: Vertex>(
-        &self,
-        source: &Source<V>,
-        bounds: &Bounds,
-        order: presort::Order,
-    ) -> Result<TopologyReport> {
+/// A count under way.
+struct Count<'a, V> {
+    source: &'a Source<V>,
+    order: presort::Order,
+    workspace: &'a Workspace,
+    monitor: &'a Monitor<'a>,
+}
+
+impl<V: Vertex> Count<'_, V> {
+    fn along_any(&self, bounds: &Bounds) -> Result<TopologyReport> {
         let size = bounds.size();
         let mut axes = SweepAxis::ALL;
         axes.sort_by(|a, b| size[b.index()].total_cmp(&size[a.index()]));
         let [longest, others @ ..] = axes;
-        let mut counted = self.topology_along(longest, source, order);
+        let mut counted = self.along(longest);
         for axis in others {
             let is_too_large =
                 matches!(counted, Err(Error::Resource { what, .. }) if what == stage::FRONT);
@@ -110,31 +113,26 @@ impl Run<'_> {
                 break;
             }
             // Across the longest side the front is the smallest, but for odd shapes.
-            counted = self.topology_along(axis, source, order);
+            counted = self.along(axis);
         }
         Ok(TopologyReport::of(&counted?))
     }
 
-    fn topology_along<V: Vertex>(
-        &self,
-        axis: SweepAxis,
-        source: &Source<V>,
-        order: presort::Order,
-    ) -> Result<stage::Outcome> {
+    fn along(&self, axis: SweepAxis) -> Result<stage::Outcome> {
         let budget = self.workspace.budget();
-        let displacement_max = Some(order.displacement_max[axis.index()]);
+        let displacement_max = Some(self.order.displacement_max[axis.index()]);
         let order_bytes = budget.available_bytes() / ORDER_SHARE;
         let sort = sort_config::<V>(axis, displacement_max, order_bytes);
         let _order_room = budget.reserve(sort.memory_bytes);
         let slab_room = budget.reserve_share(1.0, stage::MEMORY_BYTES_MIN);
         let config = stage::Config {
             axis,
-            triangles: Some(order.triangles),
+            triangles: Some(self.order.triangles),
             new_triangles_min: stage::NEW_TRIANGLES_MIN,
             memory_bytes: slab_room.bytes(),
         };
         stage::topology(&config, self.monitor, |sink| {
-            presort::presort(source, &sort, self.workspace, self.monitor, sink).map(|_| ())
+            presort::presort(self.source, &sort, self.workspace, self.monitor, sink).map(|_| ())
         })
     }
 }
