@@ -48,6 +48,8 @@ pub enum StageId {
     Sample,
     /// Points measured against the triangles of another surface.
     Compare,
+    /// Triangles drawn.
+    Render,
 }
 
 impl StageId {
@@ -72,6 +74,7 @@ impl StageId {
             Self::Survey => "survey",
             Self::Sample => "sample",
             Self::Compare => "compare",
+            Self::Render => "render",
         }
     }
 }

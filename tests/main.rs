@@ -27,6 +27,8 @@ mod oracles;
 #[cfg(test)]
 mod prefixes;
 #[cfg(test)]
+mod render;
+#[cfg(test)]
 mod sort;
 #[cfg(test)]
 mod stream;

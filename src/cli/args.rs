@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use meshmill::formats::Format;
 
-use super::{display::Style, values};
+use super::{
+    display::Style,
+    render::{ComparePicture, Render},
+    values,
+};
 
 /// Simplifies and converts triangle meshes far larger than memory.
 ///
@@ -29,6 +33,7 @@ Examples:
   meshmill weld scan.stl -o scan.ply
   meshmill info scan.ply --json
   meshmill compare scan.ply small.ply --memory 1GiB
+  meshmill render scan.ply -o scan.png --view iso
   meshmill generate gyroid --triangles 10M -o test.ply
 
 Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it says,
@@ -48,6 +53,8 @@ pub(super) enum Command {
     Info(Info),
     /// How far two meshes are from each other, both ways
     Compare(Compare),
+    /// A picture of any mesh, drawn as it streams by
+    Render(Render),
     /// A synthetic surface of any size, streamed
     Generate(Generate),
 }
@@ -365,6 +372,9 @@ pub(super) struct Compare {
     /// Write JSON
     #[arg(long)]
     pub(super) json: bool,
+
+    #[command(flatten)]
+    pub(super) picture: ComparePicture,
 
     /// Format of both inputs, instead of recognising it
     #[arg(long, value_name = "FORMAT", value_parser = input_format)]

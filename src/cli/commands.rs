@@ -145,13 +145,7 @@ fn complete_report(report: &mut Report, run: &Run, session: &Session) -> Result<
 /// Tells the person what came of it.
 fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> Result<()> {
     for defect in &report.defects {
-        let place = if defect.first.is_empty() {
-            String::new()
-        } else {
-            format!(", first at {}", defect.first)
-        };
-        let (kind, count) = (defect.kind.replace('_', " "), figures::count(defect.count));
-        session.display.say(&format!("defect: {kind}: {count}{place}"));
+        session.display.say(&figures::defect(defect));
     }
     if !report.dropped.is_empty() {
         session.display.say(&format!("not carried: {}", report.dropped.join(", ")));

@@ -17,7 +17,7 @@ use super::{
 /// `meshmill compare`.
 pub(super) fn compare(args: &Compare, host: &Host) -> ExitCode {
     in_session(&args.machine, |session| {
-        let report = pipeline::compare(&job::compare(args, host), &session.monitor())?;
+        let report = pipeline::compare(&job::compare(args, host)?, &session.monitor())?;
         // The bars go before the result comes: both may be on one terminal.
         session.display.close();
         if args.json && !report.boxes_meet {

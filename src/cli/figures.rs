@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use meshmill::pipeline::SortReport;
+use meshmill::pipeline::{DefectReport, SortReport};
 
 /// `1234567` → `1,234,567`.
 pub(super) fn count(value: u64) -> String {
@@ -15,6 +15,16 @@ pub(super) fn count(value: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// What is wrong with an input: `defect: not finite: 12, first at record 7`.
+pub(super) fn defect(defect: &DefectReport) -> String {
+    let place = if defect.first.is_empty() {
+        String::new()
+    } else {
+        format!(", first at {}", defect.first)
+    };
+    format!("defect: {}: {}{place}", defect.kind.replace('_', " "), count(defect.count))
 }
 
 /// What came of a sort: `late by up to 54,909 triangles along z: put in order in passing`.

@@ -142,18 +142,19 @@ pub(super) fn info(args: &Info, host: &Host) -> pipeline::Info {
 }
 
 /// What `compare` compares.
-pub(super) fn compare(args: &Compare, host: &Host) -> pipeline::Compare {
-    pipeline::Compare {
+pub(super) fn compare(args: &Compare, host: &Host) -> Result<pipeline::Compare> {
+    Ok(pipeline::Compare {
         a: input_path(&args.a),
         b: input_path(&args.b),
         input_format: args.input_format,
         on_defect: on_defect(args.on_defect),
         samples: args.samples,
         seed: args.seed,
+        picture: args.picture.meaning()?,
         memory_bytes: memory_bytes(&args.machine, host),
         threads: threads(&args.machine, host),
         temp_dir: temp_dir(&args.machine, Some(Path::new(TEMP_DIR_WITHOUT_OUTPUT)), host),
-    }
+    })
 }
 
 /// Where `output` is and in which format.

@@ -12,6 +12,7 @@ mod job;
 mod lines;
 mod outcome;
 mod passes;
+mod render;
 mod topology;
 mod values;
 
@@ -35,6 +36,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),
         Command::Info(args) => info::info(args, &host),
         Command::Compare(args) => compare::compare(args, &host),
+        Command::Render(args) => render::render(args, &host),
         Command::Generate(args) => commands::generate(args, &host),
     }
 }

@@ -80,6 +80,9 @@ fn hint(error: &Error) -> Option<&'static str> {
         Error::Resource { what, .. } if what.contains("edge collapse") => {
             "allow more --memory, or ask for fewer triangles; --method cluster always fits"
         }
+        Error::Resource { what, .. } if what.contains("picture") => {
+            "allow more --memory, or ask for a smaller --size or fewer --samples"
+        }
         Error::Resource { what, .. } if what.contains("window") => "allow more --memory",
         Error::NotSorted { .. } => {
             "allow more --memory, so that more can wait, or sort it: meshmill sort --axis"

@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 use serde::Serialize;
 
 use super::{
-    BoundsReport, DefectInfo, Detail, Info, TopologyReport, info, prepare,
+    BoundsReport, ComparePicture, DefectInfo, Detail, Info, TopologyReport, info, prepare,
     run::{Room, room},
     topology,
 };
@@ -40,6 +40,8 @@ pub struct Compare {
     pub samples: u64,
     /// Which points.
     pub seed: u64,
+    /// The picture of both, if one is wanted.
+    pub picture: Option<ComparePicture>,
     /// Memory to keep to, in bytes, beside a constant of at most 64 MiB.
     pub memory_bytes: u64,
     /// Threads to work with, at least 1.
@@ -181,6 +183,7 @@ pub fn compare(compare: &Compare, monitor: &Monitor) -> Result<CompareReport> {
         let text = "only one of the two meshes can be standard input";
         return Err(Error::Request(text.to_owned()));
     }
+    compare.picture.as_ref().map_or(Ok(()), |picture| picture.check(compare))?;
     let [a, b] = [compare.open(&compare.a)?, compare.open(&compare.b)?];
     let room = room(compare.threads, &compare.temp_dir, compare.memory_bytes)?;
     room.threads.install(|| compare.measure([a, b], &room, monitor))
@@ -223,6 +226,9 @@ impl Compare {
             topology::count(source, &surface.bounds, order, workspace, monitor)
         };
         let topology = BothTopologies { a: count(&source_a, &a)?, b: count(&source_b, &b)? };
+        if let Some(picture) = &self.picture {
+            picture.make(self, [&a, &b], &a_to_b, (budget, monitor))?;
+        }
         let diagonal = a.bounds.diagonal();
         let (bounds_a, bounds_b) = (bounds(&a), bounds(&b));
         let meet = |a: &BoundsReport, b: &BoundsReport| {

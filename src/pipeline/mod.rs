@@ -3,12 +3,14 @@
 
 mod attempts;
 mod compare;
+mod compare_picture;
 mod decimation;
 mod hybrid;
 mod info;
 mod job;
 mod method;
 mod plan;
+mod render;
 mod report;
 mod run;
 mod sort;
@@ -20,10 +22,12 @@ pub use compare::{
     BothTopologies, Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport,
     RelativeReport, SamplesReport, compare,
 };
+pub use compare_picture::ComparePicture;
 pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{Goal, Job, Method, Selection, Simplify, Sort, Task};
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
+pub use render::{Colors, Render, RenderReport, render};
 pub use report::{
     BoundsReport, ClusterReport, DecimateReport, DefectReport, HybridReport, InputReport,
     OutputReport, Report, SortReport, StageReport, StreamReport,

@@ -38,7 +38,7 @@ pub struct Prepared {
 /// [`Error::Request`] and [`Error::Resource`] when the job cannot be done as asked.
 pub fn prepare(job: Job) -> Result<Prepared> {
     check_request(&job)?;
-    check_target(&job)?;
+    check_target(&job.inputs, &job.target)?;
     let open = |path: &InputPath| {
         let (format, on_defect) = (job.input_format, job.on_defect);
         Input { path: path.clone(), format, on_defect, origin: Origin::undecided() }.open()
@@ -51,17 +51,17 @@ pub fn prepare(job: Job) -> Result<Prepared> {
 }
 
 /// Refuses an output that is an input, or that cannot be made.
-fn check_target(job: &Job) -> Result<()> {
-    let Target::File(path, _) = &job.target else { return Ok(()) };
+pub(super) fn check_target(inputs: &[InputPath], target: &Target) -> Result<()> {
+    let Target::File(path, _) = target else { return Ok(()) };
     let same = |input: &InputPath| match (input, path.canonicalize()) {
         (InputPath::File(input), Ok(output)) => input.canonicalize().is_ok_and(|i| i == output),
         _ => false,
     };
-    if job.inputs.iter().any(same) {
+    if inputs.iter().any(same) {
         let text = format!("{} is an input and cannot be the output", path.display());
         return Err(Error::Request(text));
     }
-    job.target.check()
+    target.check()
 }
 
 /// Refuses a job that the disks cannot hold.

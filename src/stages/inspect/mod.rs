@@ -2,4 +2,5 @@
 
 pub mod deviation;
 pub mod info;
+pub mod render;
 pub mod topology;
