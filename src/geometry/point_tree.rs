@@ -10,7 +10,8 @@ use super::{
     morton::{WIDE_BITS, spread_wide},
 };
 
-/// Points of a leaf, and children of a node. Measured: 4 to 16 differ by less than runs do.
+/// Points of a leaf, and children of a node: their boxes fill three vector registers a side.
+/// Chosen by hand.
 pub const FANOUT: usize = 8;
 
 /// Points, and boxes around them.

@@ -32,13 +32,13 @@ pub(super) struct Group<'a> {
     high: [&'a [f32]; 3],
 }
 
-/// A block is full with so many triangles: 3 MiB. Measured: fewer make groups of triangles in no
-/// order wider, more leave the cache.
+/// A block is full with so many triangles: 3 MiB. Chosen by hand: fewer make groups of triangles in
+/// no order wider, more leave the cache.
 pub(super) const TRIANGLES_PER_BLOCK: usize = 1 << INDEX_BITS;
 const INDEX_BITS: u32 = 15;
 /// Bits of a place along the curve for each axis.
 const AXIS_BITS: u32 = 16;
-/// Triangles of a group at most. Measured: 16 to 64 differ by less than runs do.
+/// Triangles of a group at most. Chosen by hand.
 const TRIANGLES_PER_GROUP: usize = 32;
 /// A group of `n` triangles is split when its box is so many times the root of `n` as wide as the
 /// triangles are: those that go together on a surface stay below.
