@@ -47,6 +47,10 @@ struct Doubtful {
 
 /// Vertices remembered; a power of two.
 const RECENT: usize = 1 << 12;
+/// One in so many vertices of a batch is asked about first, and all of them if at least one in
+/// [`NEAR_SHARE`] of those is near a sample that says enough. Chosen by hand.
+const ASKED_STEP: usize = 16;
+const NEAR_SHARE: usize = 3;
 /// Bits of no number that is finite.
 const NO_VERTEX: [u32; 3] = [u32::MAX; 3];
 /// Share of what memory is left that vertices may take, while they wait and are measured.
@@ -141,7 +145,8 @@ pub(super) fn shift<V>(from: &Surface<V>, target: &Target<'_, '_, V>) -> DVec3 {
 }
 
 impl Doubtful {
-    /// Takes the vertices of a batch, in place of those before, that `is_near` does not hold for.
+    /// Takes the vertices of a batch, in place of those before, that `is_near` does not hold for; or
+    /// all of them where it seldom holds, since asking costs nearly as much as measuring.
     fn look<V: Vertex>(
         &mut self,
         taken: &Taken<'_, V>,
@@ -151,7 +156,6 @@ impl Doubtful {
         self.points.clear();
         self.recent.clear();
         self.recent.resize(RECENT, NO_VERTEX);
-        let mut hint = 0;
         for vertex in taken.triangles.iter().flat_map(|triangle| &triangle.0) {
             let position = vertex.position();
             let bits = position.map(f32::to_bits);
@@ -159,11 +163,15 @@ impl Doubtful {
             let slot = mixed(a ^ b << 24 ^ c << 40) as usize % RECENT;
             if self.recent[slot] != bits {
                 self.recent[slot] = bits;
-                let point = (DVec3::from_array(position.map(f64::from)) + shift).to_array();
-                if !is_near(point, &mut hint) {
-                    self.points.push(point);
-                }
+                let point = DVec3::from_array(position.map(f64::from)) + shift;
+                self.points.push(point.to_array());
             }
+        }
+        let mut hint = 0;
+        let asked = self.points.iter().step_by(ASKED_STEP);
+        let near = asked.clone().filter(|point| is_near(**point, &mut hint)).count();
+        if near * NEAR_SHARE >= asked.count() {
+            self.points.retain(|point| !is_near(*point, &mut hint));
         }
     }
 }
