@@ -28,7 +28,7 @@ import bench_report
 
 PYTHON_PEERS = bench.PEERS / "python"
 # Runs shorter than this are repeated.
-QUICK_S = 30.0
+QUICK_S = 10.0
 # Children are looked at so often, at least.
 LOOK_S = 0.05
 

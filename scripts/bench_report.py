@@ -124,7 +124,7 @@ stand here like wins. How single parts of meshmill were measured is in
 {', '.join(about['versions'])}.
 
 **How.** Whole processes: read a binary PLY, simplify, write a PLY. All methods in turns; medians of
-{options['runs']} runs, of what takes over 30 s one run. meshmill has `--memory {options['memory']}`;
+{options['runs']} runs, of what takes over 10 s one run. meshmill has `--memory {options['memory']}`;
 peers may take {options['memory_max']} and {options['patience']:g} s. Errors are relative to the
 diagonal of the input's box, by {options['samples']:,} samples each way, measured by a judge that is not
 part of meshmill (`scripts/peers`). Peaks of less than 30 MiB show as that. Methods that cluster meet a count only roughly.
