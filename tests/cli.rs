@@ -182,6 +182,29 @@ fn a_report_has_the_fields_that_scripts_rely_on() {
 }
 
 #[test]
+fn a_result_is_measured_against_its_input() {
+    let folder = Folder::new();
+    folder.done("generate gyroid --triangles 20k -o in.ply");
+    let line = "simplify in.ply -o out.ply --ratio 10% --samples 20k";
+    let report = folder.report(&format!("{line} --measure"));
+    let compared = folder.done("compare in.ply out.ply --samples 20k --json");
+    let compared: serde_json::Value = serde_json::from_slice(&compared).unwrap();
+    assert_eq!(report["deviation"], compared);
+    assert!(compared["max"].as_f64().unwrap() > 0.0, "{compared}");
+    // Several inputs are one mesh, in their own format.
+    folder.done("soup in.ply -o half.stl");
+    std::fs::rename(folder.path("half.stl"), folder.path("half.bin")).unwrap();
+    let line = "simplify half.bin half.bin --input-format stl -o twice.obj --ratio 10% --measure";
+    let ran = folder.run(&format!("{line} --samples 5k --report report.json"));
+    let told = String::from_utf8(ran.stdout).unwrap();
+    assert!(ran.code == Some(0) && told.contains("away from the input"), "{told} {}", ran.stderr);
+    let report: serde_json::Value = serde_json::from_slice(&folder.read("report.json")).unwrap();
+    assert_eq!(report["deviation"]["a"]["path"], "half.bin and 1 more");
+    let said = folder.fails("simplify in.ply -o - --output-format soup --ratio 10% --measure", 2);
+    assert!(said.contains("pipe"), "{said}");
+}
+
+#[test]
 fn quiet_is_silent_and_otherwise_progress_is_plain_lines() {
     let folder = folder();
     for line in [
@@ -267,6 +290,19 @@ fn a_signal_ends_a_run_and_leaves_nothing() {
         let mut child = waiting(&folder, "simplify - --input-format soup -o out.ply --cells 30");
         let id = child.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+        // Another thread may read the little that is left before the one that takes signals runs.
+        let status = format!("/proc/{id}/status");
+        let is_pending = || {
+            let status = std::fs::read_to_string(&status).unwrap_or_default();
+            let mut masks = status
+                .lines()
+                .filter_map(|line| line.strip_prefix("SigPnd:").or(line.strip_prefix("ShdPnd:")));
+            masks.any(|mask| mask.trim().bytes().any(|digit| digit != b'0'))
+        };
+        while is_pending() {
+            thread::sleep(Duration::from_millis(5));
+        }
+        thread::sleep(Duration::from_millis(50));
         // What comes now is not worked on any more.
         let rest = Surface::hills(80).bytes(Format::Soup);
         let mut stdin = child.stdin.take().unwrap();

@@ -87,6 +87,15 @@ pub(super) struct Simplify {
     #[arg(long, value_enum, default_value_t = Placement::Constrained)]
     pub(super) placement: Placement,
 
+    /// Measure how far the result is from the input, both ways, as `compare` does, and say it in
+    /// the report; reads both some eight times more
+    #[arg(long)]
+    pub(super) measure: bool,
+
+    /// Samples on each surface for --measure
+    #[arg(long, value_name = "N", value_parser = values::count, default_value = "1M", requires = "measure")]
+    pub(super) samples: u64,
+
     /// Exit with 4 when the wanted count is not met
     #[arg(long)]
     pub(super) strict: bool,

@@ -156,7 +156,7 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
     if report.reached_target == Some(false) || report.stopped_by == Some("parity") {
         session.display.say(figures::shortfall(report.stopped_by));
     }
-    let line = format!(
+    let mut line = format!(
         "{}: {} triangles of {} in {:.1} s, {} of memory",
         args.output.path.display(),
         figures::count(report.output.triangles),
@@ -164,6 +164,9 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
         report.seconds,
         bytesize::ByteSize(report.peak_memory_bytes),
     );
+    if let Some(deviation) = &report.deviation {
+        line.extend(["\n", &figures::deviation(deviation)]);
+    }
     if to_stdout || args.run.machine.quiet {
         session.display.say(&line);
         return Ok(());

@@ -56,8 +56,8 @@ fn table(report: &CompareReport) -> String {
     for (name, of) in ROWS {
         let cells = [to, back].map(|deviation| {
             let length = of(deviation);
-            let relative = share(length / report.diagonal);
-            format!("{:>COLUMN_WIDTH$}{relative:>COLUMN_WIDTH$}", figure(length))
+            let relative = figures::share(length / report.diagonal);
+            format!("{:>COLUMN_WIDTH$}{relative:>COLUMN_WIDTH$}", figures::length(length))
         });
         line(name, &cells.concat());
     }
@@ -121,17 +121,4 @@ fn confidence(report: &CompareReport) -> [String; 3] {
         format!("and at most {unseen:.2} % of the area is farther away than the maximum.")
             .replace("0.00 %", &format!("{unseen:.0e} %")),
     ]
-}
-
-/// A length in five digits.
-fn figure(value: f64) -> String {
-    if value == 0.0 { "0".to_owned() } else { format!("{value:.4e}") }
-}
-
-/// A share in per cent.
-fn share(value: f64) -> String {
-    if value == 0.0 || (1e-4..1e3).contains(&value) {
-        return format!("{:.4} %", 100.0 * value);
-    }
-    format!("{:.2e} %", 100.0 * value)
 }

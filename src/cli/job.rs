@@ -68,6 +68,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         }),
         boundary_weight: args.boundary_weight,
         placement,
+        measure: args.measure.then_some(args.samples),
     };
     convert(&args.convert, Task::Simplify(simplify), host)
 }
@@ -143,10 +144,13 @@ pub(super) fn info(args: &Info, host: &Host) -> pipeline::Info {
 
 /// What `compare` compares.
 pub(super) fn compare(args: &Compare, host: &Host) -> Result<pipeline::Compare> {
+    let mesh = |path: &PathBuf| pipeline::CompareInput {
+        paths: vec![input_path(path)],
+        format: args.input_format,
+    };
     Ok(pipeline::Compare {
-        a: input_path(&args.a),
-        b: input_path(&args.b),
-        input_format: args.input_format,
+        a: mesh(&args.a),
+        b: mesh(&args.b),
         on_defect: on_defect(args.on_defect),
         samples: args.samples,
         seed: args.seed,

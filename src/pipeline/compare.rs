@@ -6,7 +6,8 @@ use std::{collections::BTreeMap, path::PathBuf};
 use serde::Serialize;
 
 use super::{
-    BoundsReport, ComparePicture, DefectInfo, Detail, Info, TopologyReport, info, prepare,
+    BoundsReport, ComparePicture, DefectInfo, Detail, Info, Job, Simplify, Task, TopologyReport,
+    info, prepare,
     run::{Room, room},
     topology,
 };
@@ -18,6 +19,7 @@ use crate::{
     stages::{
         convert::{
             dereference,
+            export::Target as Output,
             import::{self, Need},
             presort,
         },
@@ -29,11 +31,9 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct Compare {
     /// The mesh that lengths are relative to.
-    pub a: InputPath,
+    pub a: CompareInput,
     /// The other one.
-    pub b: InputPath,
-    /// Format of both; recognised when `None`.
-    pub input_format: Option<Format>,
+    pub b: CompareInput,
     /// Policy for bad records.
     pub on_defect: OnDefect,
     /// Points spread over each mesh by area.
@@ -49,6 +49,15 @@ pub struct Compare {
     /// Folder for the workspace, which is used when vertices do not fit in memory and for standard
     /// input.
     pub temp_dir: PathBuf,
+}
+
+/// A mesh to compare.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CompareInput {
+    /// One mesh, in this order.
+    pub paths: Vec<InputPath>,
+    /// Format of all of them; recognised when `None`.
+    pub format: Option<Format>,
 }
 
 /// How far two meshes are from each other. Lengths are in model units.
@@ -179,7 +188,7 @@ const TABLE_SHARE: f64 = 0.3;
 /// [`Error::Io`], [`Error::Request`] and [`Error::Resource`] as [`prepare`](super::prepare) and
 /// [`deviation::deviation`], cancellation.
 pub fn compare(compare: &Compare, monitor: &Monitor) -> Result<CompareReport> {
-    if compare.a == InputPath::Stdin && compare.b == InputPath::Stdin {
+    if compare.a.is_stdin() && compare.b.is_stdin() {
         let text = "only one of the two meshes can be standard input";
         return Err(Error::Request(text.to_owned()));
     }
@@ -189,13 +198,51 @@ pub fn compare(compare: &Compare, monitor: &Monitor) -> Result<CompareReport> {
     room.threads.install(|| compare.measure([a, b], &room, monitor))
 }
 
+impl CompareInput {
+    /// Whether it is standard input.
+    fn is_stdin(&self) -> bool {
+        self.paths.contains(&InputPath::Stdin)
+    }
+
+    /// For errors, captions and reports: the first file, and how many there are beside it.
+    pub(super) fn name(&self, name: impl Fn(&InputPath) -> String) -> String {
+        let first = self.paths.first().map(name).unwrap_or_default();
+        match self.paths.len() {
+            0 | 1 => first,
+            count => format!("{first} and {} more", count - 1),
+        }
+    }
+}
+
 impl Compare {
+    /// How far the result of a job is from its inputs, if that is to be measured.
+    pub(super) fn of_result(job: &Job) -> Option<Self> {
+        let Task::Simplify(Simplify { measure: Some(samples), seed, .. }) = job.task else {
+            return None;
+        };
+        let Output::File(output, _) = &job.target else { return None };
+        Some(Self {
+            a: CompareInput { paths: job.inputs.clone(), format: job.input_format },
+            b: CompareInput {
+                paths: vec![InputPath::File(output.clone())],
+                format: Some(job.output_format),
+            },
+            on_defect: job.on_defect,
+            samples,
+            seed,
+            picture: None,
+            memory_bytes: job.memory_bytes,
+            threads: job.threads,
+            temp_dir: job.temp_dir.clone(),
+        })
+    }
+
     /// Opens a mesh, and looks whether the disk has room for what has to be set aside.
-    fn open(&self, path: &InputPath) -> Result<Vec<OpenInput>> {
+    fn open(&self, mesh: &CompareInput) -> Result<Vec<OpenInput>> {
         let reading = info::reading(Info {
             detail: Detail::Topology,
-            inputs: vec![path.clone()],
-            input_format: self.input_format,
+            inputs: mesh.paths.clone(),
+            input_format: mesh.format,
             on_defect: self.on_defect,
             memory_bytes: self.memory_bytes / MEMORY_PARTS,
             threads: self.threads,
@@ -269,7 +316,7 @@ fn import(
 }
 
 fn survey<'a>(
-    path: &InputPath,
+    mesh: &CompareInput,
     source: &'a Source<Point>,
     origin: [f64; 3],
     (room, monitor): (&Room, &Monitor),
@@ -279,16 +326,17 @@ fn survey<'a>(
         return Ok(surface);
     }
     let fault = Fault::NoArea { triangles: surface.triangles };
-    Err(Error::Input { path: path.as_path().to_owned(), at: Position::default(), fault })
+    let path = mesh.name(|path| path.as_path().display().to_string()).into();
+    Err(Error::Input { path, at: Position::default(), fault })
 }
 
 fn bounds(surface: &Surface<Point>) -> Option<BoundsReport> {
     BoundsReport::new(&surface.bounds, surface.origin)
 }
 
-fn compared(path: &InputPath, surface: &Surface<Point>) -> ComparedReport {
+fn compared(mesh: &CompareInput, surface: &Surface<Point>) -> ComparedReport {
     ComparedReport {
-        path: path.to_string(),
+        path: mesh.name(InputPath::to_string),
         triangles: surface.triangles,
         area: surface.area,
         bounds: bounds(surface),

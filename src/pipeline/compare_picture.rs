@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use super::{
-    Compare,
+    Compare, CompareInput,
     render::{self, check_size},
     run::check_target,
 };
@@ -48,7 +48,7 @@ const MEMORY_PARTS: u64 = 3;
 impl ComparePicture {
     /// Refuses, before any work is done, what cannot be drawn or written.
     pub(super) fn check(&self, compare: &Compare) -> Result<()> {
-        check_target(&[compare.a.clone(), compare.b.clone()], &self.target)?;
+        check_target(&[&compare.a.paths[..], &compare.b.paths[..]].concat(), &self.target)?;
         check_size(&self.config())?;
         let (needed_bytes, available_bytes) = (MEMORY_PARTS * memory_bytes(), compare.memory_bytes);
         if needed_bytes > available_bytes {
@@ -111,9 +111,12 @@ fn memory_bytes() -> u64 {
 }
 
 /// The caption of a mesh: its name and size.
-fn mesh(path: &InputPath, surface: &Surface<Point>) -> Vec<String> {
-    let name = path.as_path().file_name().unwrap_or(path.as_path().as_os_str());
-    vec![name.display().to_string(), format!("{} triangles", grouped(surface.triangles))]
+fn mesh(input: &CompareInput, surface: &Surface<Point>) -> Vec<String> {
+    let file_name = |path: &InputPath| {
+        let path = path.as_path();
+        path.file_name().unwrap_or(path.as_os_str()).display().to_string()
+    };
+    vec![input.name(file_name), format!("{} triangles", grouped(surface.triangles))]
 }
 
 fn deviation(outcome: &Outcome) -> Vec<String> {

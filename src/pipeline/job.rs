@@ -76,6 +76,8 @@ pub struct Simplify {
     pub boundary_weight: f64,
     /// Clustering: where representatives may lie in their cells.
     pub placement: Placement,
+    /// Measure how far the result is from the inputs, by so many samples on each.
+    pub measure: Option<u64>,
 }
 
 /// How triangles become fewer.

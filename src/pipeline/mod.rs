@@ -19,8 +19,8 @@ mod topology;
 
 pub use crate::stages::simplify::decimate::Metric;
 pub use compare::{
-    BothTopologies, Compare, CompareReport, ComparedReport, ConfidenceReport, DeviationReport,
-    RelativeReport, SamplesReport, compare,
+    BothTopologies, Compare, CompareInput, CompareReport, ComparedReport, ConfidenceReport,
+    DeviationReport, RelativeReport, SamplesReport, compare,
 };
 pub use compare_picture::ComparePicture;
 pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};

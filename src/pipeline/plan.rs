@@ -12,6 +12,7 @@ use crate::{
     progress::StageId,
     soup::{ColoredPoint, InputPath, OpenInput, Point, Triangle},
     stages::convert::{export::Target, presort},
+    storage::is_stream,
 };
 
 /// What is known of an input before it is read.
@@ -210,6 +211,13 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
         let text = "multiple choice in one pass goes by quadrics: --metric quadric";
         return Err(Error::Request(text.to_owned()));
     }
+    if let Task::Simplify(simplify) = &job.task
+        && simplify.measure.is_some()
+        && (streams > 0 || !matches!(&job.target, Target::File(path, _) if !is_stream(path)))
+    {
+        let text = "measuring reads the input and the result again: neither can be a pipe";
+        return Err(Error::Request(text.to_owned()));
+    }
     let format = job.output_format.name();
     let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
     let refused = match job.task {
@@ -353,6 +361,10 @@ fn plan_export(job: &Job, plan: &mut Plan) {
         }
     }
     plan.stage(StageId::Export, format!("write {name} ({})", job.output_format.name()));
+    if let Task::Simplify(Simplify { measure: Some(samples), .. }) = job.task {
+        let what = format!("measure how far {name} is from the input, {samples} samples each way");
+        plan.stage(StageId::Compare, what);
+    }
 }
 
 impl Plan {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::CompareReport;
 use crate::{formats::Findings, geometry::Bounds};
 
 /// All of it.
@@ -32,6 +33,9 @@ pub struct Report {
     pub hybrid: Option<HybridReport>,
     /// Decimation in a single pass: what it worked with.
     pub stream: Option<StreamReport>,
+    /// Simplification: how far the result is from the inputs, if that was to be measured and there
+    /// is a result.
+    pub deviation: Option<CompareReport>,
     /// Largest resident set of the process.
     pub peak_memory_bytes: u64,
     /// Largest total of temporary files.

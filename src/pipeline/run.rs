@@ -3,8 +3,10 @@
 use std::{path::Path, time::Instant};
 
 use super::{
-    BoundsReport, InputFacts, InputReport, Job, Method, OutputReport, Plan, Report, Simplify, Task,
+    BoundsReport, Compare, InputFacts, InputReport, Job, Method, OutputReport, Plan, Report,
+    Simplify, Task,
     attempts::{Clustered, Imported, Purpose},
+    compare::compare,
     decimation::Decimated,
     method,
     plan::{check_request, plan},
@@ -93,6 +95,7 @@ impl Prepared {
     pub fn run(self, monitor: &Monitor) -> Result<Report> {
         let started = Instant::now();
         let reason = self.plan.method.as_ref().and_then(|choice| choice.reason.clone());
+        let measure = Compare::of_result(&self.job);
         let mut report = self.with_room(monitor, |run, inputs| {
             // Colours that the output cannot hold would decide ties, and the order of what it holds
             // would depend on what it does not.
@@ -109,6 +112,9 @@ impl Prepared {
             report.map(|report| Report { temporary_bytes_peak, ..report })
         })?;
         report.method_reason = report.method_reason.or(reason);
+        if let Some(measure) = measure.filter(|_| report.output.triangles > 0) {
+            report.deviation = Some(compare(&measure, monitor)?);
+        }
         report.seconds = started.elapsed().as_secs_f64();
         Ok(report)
     }
