@@ -12,7 +12,7 @@ mod workspace;
 mod writer;
 
 pub use budget::{Budget, Reservation};
-pub use heap::share_heap;
+pub use heap::{HugePages, share_heap};
 pub use mapped::MappedRecords;
 pub use output::{OutputFile, Overwrite, check_output, is_stream, open_input};
 pub use record::{Record, RecordFile};
