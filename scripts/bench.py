@@ -256,6 +256,8 @@ def arguments():
     add("--memory", default="1GiB", help="for meshmill")
     add("--memory-max", default="18GiB", help="what takes more is ended")
     add("--patience", type=float, default=300, help="seconds after which a run is ended")
+    add("--add", action="store_true", help="measure only what figures.json does not have")
+    add("--again", action="store_true", help="with --add: measure --only's methods once more")
     add("--report-only", action="store_true", help="write the documents from figures.json again")
     return parser.parse_args()
 
@@ -266,29 +268,7 @@ def main():
     options.scratch.mkdir(parents=True, exist_ok=True)
     figures_file = options.scratch / "figures.json"
     if not options.report_only:
-        b = Bench(options, options.scratch)
-        words = [word for word in options.only.split(",") if word]
-        wanted = {name: command for name, command in methods(b).items()
-                  if not words or any(word in name for word in words)}
-        figures = {"machine": bench_report.machine(b), "options": bench_report.told(options),
-                   "tables": [], "curve": []}
-        for source in inputs(b):
-            alive = dict(wanted)
-            for ratio in map(float, options.ratios.split(",")):
-                bench.note(f"{source.name} to {ratio:.1%}")
-                one = measure_all(b, source, ratio, alive)
-                figures["tables"].append(one)
-                figures_file.write_text(json.dumps(figures, indent=1))
-                # What did not finish will not finish at another ratio.
-                alive = {name: command for name, command in alive.items()
-                         if not one["methods"][name]["verdict"]}
-        first = b.surface("ply", options.generated.split(",")[0])
-        done = {(one["input"], one["ratio"]): one for one in figures["tables"]}
-        for ratio in map(float, options.curve.split(",")):
-            bench.note(f"the curve, {first.name} to {ratio:.1%}")
-            one = done.get((first.stem, ratio)) or measure_all(b, first, ratio, wanted)
-            figures["curve"].append(one)
-            figures_file.write_text(json.dumps(figures, indent=1))
+        measure(Bench(options, options.scratch), figures_file)
     figures = json.loads(figures_file.read_text())
     # Of a run that was ended before the curve, what it has of it.
     figures["curve"] = figures["curve"] or [
@@ -298,6 +278,53 @@ def main():
     figures_file.write_text(json.dumps(figures, indent=1))
     subprocess.run([environment(options.environment), Path(__file__).parent / "bench_plots.py",
                     figures_file, docs / "benchmarks"], check=True)
+
+
+def measure(b, figures_file):
+    """Measures all inputs, and what the curve needs besides; writes the figures after each."""
+    options = b.options
+    words = [word for word in options.only.split(",") if word]
+    order = methods(b)
+    wanted = {name: command for name, command in order.items()
+              if not words or any(word in name for word in words)}
+    figures = {"machine": bench_report.machine(b), "options": bench_report.told(options),
+               "tables": [], "curve": []}
+    if options.add and figures_file.exists():
+        figures = bench_report.added_to(json.loads(figures_file.read_text()), figures)
+    done = {(one["input"], one["ratio"]): one for one in figures["curve"] + figures["tables"]}
+    seen = set()
+
+    def measured(source, ratio, methods):
+        place = (source.stem, ratio)
+        one = done.setdefault(place, {"methods": {}})
+        again = options.again and place not in seen
+        seen.add(place)
+        new = {name: command for name, command in methods.items()
+               if again or name not in one["methods"]}
+        if new:
+            bench.note(f"{source.name} to {ratio:.1%}")
+            rows = one["methods"]
+            one |= measure_all(b, source, ratio, new)
+            rows |= one["methods"]
+            one["methods"] = {name: rows[name] for name in order if name in rows}
+        return one
+
+    for source in inputs(b):
+        alive = dict(wanted)
+        for ratio in map(float, options.ratios.split(",")):
+            one = measured(source, ratio, alive)
+            if one not in figures["tables"]:
+                figures["tables"].append(one)
+            figures_file.write_text(json.dumps(figures, indent=1))
+            # What did not finish will not finish at another ratio.
+            alive = {name: command for name, command in alive.items()
+                     if not one["methods"].get(name, {"verdict": None})["verdict"]}
+    figures["tables"].sort(key=lambda one: (one["triangles"], -one["ratio"]))
+    first = b.surface("ply", options.generated.split(",")[0])
+    figures["curve"] = []
+    for ratio in map(float, options.curve.split(",")):
+        figures["curve"].append(measured(first, ratio, wanted))
+        figures_file.write_text(json.dumps(figures, indent=1))
 
 
 def inputs(b):

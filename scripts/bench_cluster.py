@@ -207,10 +207,10 @@ class Bench:
         self.peer = PEERS / "target" / "release" / "peer-meshopt"
         self.judge = PEERS / "target" / "release" / "judge"
         self.shuffle = PEERS / "target" / "release" / "shuffle"
-        if not all(tool.exists() for tool in (self.peer, self.judge, self.shuffle)):
-            manifest = PEERS / "Cargo.toml"
-            build = ["cargo", "build", "--release", "--manifest-path", manifest]
-            subprocess.run(build, check=True, stdout=sys.stderr)
+        # Even where they are there: they may be older than their source.
+        manifest = PEERS / "Cargo.toml"
+        build = ["cargo", "build", "-q", "--release", "--manifest-path", manifest]
+        subprocess.run(build, check=True, stdout=sys.stderr)
 
     def path(self, name):
         """Returns a place in the scratch folder."""

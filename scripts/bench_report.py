@@ -46,6 +46,18 @@ def machine(b):
     }
 
 
+def added_to(old, new):
+    """Returns old figures to which new ones are added; both must be from one machine, in one way."""
+    for part, but in (("machine", "commit"), ("options", "")):
+        for name, value in new[part].items():
+            if name != but and old[part][name] != value:
+                raise SystemExit(f"the figures there have another {name}: {old[part][name]}, not {value}")
+    commits = old["machine"]["commit"].split(", ")
+    if new["machine"]["commit"] not in commits:
+        commits.append(new["machine"]["commit"])
+    return old | {"machine": new["machine"] | {"commit": ", ".join(commits)}}
+
+
 def table(heads, rows):
     """Returns a Markdown table."""
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
