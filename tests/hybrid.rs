@@ -112,8 +112,8 @@ fn the_bytes_are_the_same_for_any_order_threads_and_memory() {
     for (name, means) in [
         ("in.ply", "-j 2 --memory 1GiB"),
         ("in.stl", "-j 2 --memory 64MiB"),
-        ("in.ply", "-j 8 --memory 17MiB"),
-        ("shuffled.stl", "-j 8 --memory 17MiB"),
+        ("in.ply", "-j 8 --memory 21MiB"),
+        ("shuffled.stl", "-j 8 --memory 21MiB"),
     ] {
         let expected = if name == "in.ply" { &indexed } else { &soup };
         assert!(run(name, means) == *expected, "{name} {means}");

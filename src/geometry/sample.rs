@@ -40,10 +40,11 @@ impl Sampler {
         for position in positions {
             let hash = hash(position);
             if hash <= self.threshold && position.iter().all(|c| c.is_finite()) {
-                self.picked.push((hash, position));
-                if self.picked.len() > CROWD * SAMPLE_MAX {
+                // Before, so that the list is never twice as large as it may be full.
+                if self.picked.len() == CROWD * SAMPLE_MAX {
                     self.thin_out(SAMPLE_MAX);
                 }
+                self.picked.push((hash, position));
             }
         }
     }

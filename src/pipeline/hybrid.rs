@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Result},
     mesh::{self, ByQuadric, ByVolume},
     progress::StageId,
-    soup::{ColoredPoint, Vertex},
+    soup::{ColoredPoint, Vertex, VertexQuadric},
     stages::simplify::hybrid,
 };
 
@@ -24,11 +24,16 @@ pub(super) const FACTOR: u64 = 4;
 pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
     let clustered = Purpose::Decimation.triangles_wanted(simplify.goal, triangles).unwrap_or(0);
     // With colours, whether there are any or not: the choice of a method does not hang on them.
-    let face_bytes = match simplify.metric {
-        Metric::Quadric => mesh::face_bytes::<ColoredPoint, ByQuadric>(),
-        Metric::Volume => mesh::face_bytes::<ColoredPoint, ByVolume>(),
+    let (face_bytes, quadric_bytes) = match simplify.metric {
+        Metric::Quadric => {
+            (mesh::face_bytes::<ColoredPoint, ByQuadric>(), size_of::<VertexQuadric>() as u64)
+        }
+        Metric::Volume => (mesh::face_bytes::<ColoredPoint, ByVolume>(), 0),
     };
-    (clustered as f64 * TOLERANCE_AT_ONCE) as u64 * face_bytes
+    // What clustering made is still there when the mesh is made of it: a vertex for two faces.
+    let vertex_bytes = size_of::<ColoredPoint>() as u64 + quadric_bytes;
+    let made_bytes = size_of::<[u32; 3]>() as u64 + vertex_bytes.div_ceil(2);
+    (clustered as f64 * TOLERANCE_AT_ONCE) as u64 * (face_bytes + made_bytes)
 }
 
 /// Refuses what cannot fit.
