@@ -101,6 +101,8 @@ pub enum Event {
         /// Records this pass will visit, or more if some are left out as defects; `None` when
         /// only the end of a stream will tell.
         total: Option<u64>,
+        /// Bytes on disk that visiting all of them reads or writes, where that is known.
+        bytes: Option<u64>,
     },
     /// `done` records visited. Never decreases within a pass.
     Advanced {
@@ -116,6 +118,30 @@ pub enum Event {
         /// Records visited.
         done: u64,
     },
+}
+
+/// How much a pass has before it. What is not known is `None`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Amount {
+    /// Records.
+    pub records: Option<u64>,
+    /// Bytes on disk that visiting all of them reads or writes.
+    pub bytes: Option<u64>,
+}
+
+impl From<Option<u64>> for Amount {
+    fn from(records: Option<u64>) -> Self {
+        Self { records, bytes: None }
+    }
+}
+
+impl Amount {
+    /// Records of a fixed size each.
+    #[must_use]
+    pub fn of_records(count: u64, record_bytes: usize) -> Self {
+        let bytes = count.saturating_mul(record_bytes as u64);
+        Self { records: Some(count), bytes: Some(bytes) }
+    }
 }
 
 /// Receives events. Called from worker threads; must not block.
@@ -173,10 +199,11 @@ impl<'a> Monitor<'a> {
         Monitor { observer: &(), cancel: Cancel::default() }
     }
 
-    /// Starts counting one pass over `total` records.
+    /// Starts counting one pass, of so many records if that is known.
     #[must_use]
-    pub fn meter(&'a self, stage: StageId, total: Option<u64>) -> Meter<'a> {
-        self.observer.on(&Event::Started { stage, total });
+    pub fn meter(&'a self, stage: StageId, amount: impl Into<Amount>) -> Meter<'a> {
+        let Amount { records: total, bytes } = amount.into();
+        self.observer.on(&Event::Started { stage, total, bytes });
         Meter { monitor: self, stage, done: AtomicU64::new(0), total }
     }
 

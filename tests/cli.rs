@@ -121,7 +121,7 @@ fn a_dry_run_prints_the_plan_and_writes_nothing() {
         ["simplify in.ply -o out.ply -t 100", "soup in.ply -o out.stl", "weld in.stl -o o.ply"]
     {
         let plan = String::from_utf8(folder.done(&format!("{line} --dry-run"))).unwrap();
-        for word in ["export", "memory", "temporary", "output"] {
+        for word in ["export", "memory", "temporary", "output", "time"] {
             assert!(plan.contains(word), "{line}: {plan}");
         }
         assert_eq!(folder.names(), before, "{line}");
@@ -152,6 +152,7 @@ fn a_report_has_the_fields_that_scripts_rely_on() {
         "stopped_by",
         "peak_memory_bytes",
         "temporary_bytes_peak",
+        "estimates",
         "seconds",
         "stages",
         "dropped",

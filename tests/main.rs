@@ -21,6 +21,8 @@ mod hybrid;
 #[cfg(test)]
 mod info;
 #[cfg(test)]
+mod limits;
+#[cfg(test)]
 mod meshes;
 #[cfg(test)]
 mod oracles;

@@ -15,7 +15,7 @@ use std::{
 use meshmill::{
     Error, Result,
     formats::{Counts, Precision, WriteOptions},
-    pipeline::{self, Job, OutputReport, Report, StageReport, Task},
+    pipeline::{self, Job, OutputReport, Plan, Report, StageReport, Task},
     progress::{Cancel, Monitor},
     stages::{
         convert::export::{self, Target},
@@ -117,21 +117,32 @@ fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>
     if args.run.verbose {
         session.display.say(prepared.plan.to_string().trim_end());
     } else {
+        session.display.say(&format!("plan: {}", prepared.plan.summary()));
         let choice = prepared.plan.method.iter().filter(|choice| choice.reason.is_some());
         choice.for_each(|choice| session.display.say(&format!("method: {choice}")));
         for note in &prepared.plan.notes {
             session.display.say(&format!("note: {note}"));
         }
     }
+    let plan = prepared.plan.clone();
+    session.display.expect(&plan.seconds);
     let mut report = prepared.run(&session.monitor())?;
-    complete_report(&mut report, &args.run, session)?;
+    complete_report(&mut report, Some(&plan), &args.run, session)?;
     tell(&report, args, to_stdout, session)?;
     Ok(Some(report))
 }
 
 /// Adds to a report what the process knows of itself, and writes it where that is wanted.
-fn complete_report(report: &mut Report, run: &Run, session: &Session) -> Result<()> {
+fn complete_report(
+    report: &mut Report,
+    plan: Option<&Plan>,
+    run: &Run,
+    session: &Session,
+) -> Result<()> {
     report.peak_memory_bytes = host::peak_memory_bytes().unwrap_or_default();
+    if let Some(plan) = plan {
+        report.compare_with(plan);
+    }
     let stages = session.display.stages().into_iter();
     let stages = stages.map(|stage| StageReport {
         name: stage.name.to_owned(),
@@ -247,7 +258,7 @@ pub(super) fn generate(args: &Generate, host: &Host) -> ExitCode {
             seconds: started.elapsed().as_secs_f64(),
             ..Report::default()
         };
-        complete_report(&mut report, &args.run, session)?;
+        complete_report(&mut report, None, &args.run, session)?;
         let counts = figures::count(made.triangles);
         let line = format!("{}: {counts} triangles", args.output.path.display());
         session.display.say(&line);

@@ -11,12 +11,12 @@ use std::{
 };
 
 use indicatif::ProgressDrawTarget;
-use meshmill::progress::{Event, Observer};
+use meshmill::progress::{Amount, Event, Observer, StageId};
 
 use super::{
     bars::Bars,
-    lines::{self, JsonKind},
-    passes::{Pass, Passes, StageTime},
+    lines::{self, JsonKind, Moment},
+    passes::{Overall, Pass, Passes, StageTime},
 };
 
 /// How progress is shown, `--progress`.
@@ -101,6 +101,11 @@ impl Display {
         Self { clock, unix_seconds, state }
     }
 
+    /// So many seconds are expected of the stages of the job.
+    pub(crate) fn expect(&self, seconds: &[(StageId, f64)]) {
+        self.lock().passes.expect(seconds);
+    }
+
     /// Says something to the person, above the bars.
     pub(crate) fn say(&self, text: &str) {
         match &mut self.lock().surface {
@@ -133,9 +138,10 @@ impl Observer for Display {
     fn on(&self, event: &Event) {
         let now = (self.clock)();
         match *event {
-            Event::Started { stage, total } => {
+            Event::Started { stage, total, bytes } => {
                 let State { passes, surface } = &mut *self.lock();
-                surface.started(passes.start(stage, total, now), now);
+                let amount = Amount { records: total, bytes };
+                surface.started(passes.start(stage, amount, now), now);
             }
             Event::Advanced { stage, done } => {
                 let mut state = match self.state.try_lock() {
@@ -144,8 +150,9 @@ impl Observer for Display {
                     Err(TryLockError::WouldBlock) => return,
                 };
                 let State { passes, surface } = &mut *state;
-                if let Some(pass) = passes.advance(stage, done, now, surface.interval()) {
-                    surface.advanced(pass, now, self.unix_seconds + now.as_secs());
+                if let Some(pass) = passes.advance(stage, done, now, surface.interval()).cloned() {
+                    let at = Moment { now, unix_seconds: self.unix_seconds + now.as_secs() };
+                    surface.advanced(&pass, at, passes.overall(now));
                 }
             }
             Event::Finished { stage, done } => {
@@ -173,16 +180,18 @@ impl Surface {
     fn started(&mut self, pass: &Pass, now: Duration) {
         match self {
             Self::Bars(bars) => bars.start(pass),
-            Self::Json(sink) => sink(&lines::json_event(JsonKind::Started, pass, now)),
+            Self::Json(sink) => sink(&lines::json_event(JsonKind::Started, pass, now, None)),
             Self::Lines(_) | Self::Nothing => {}
         }
     }
 
-    fn advanced(&mut self, pass: &Pass, now: Duration, unix_seconds: u64) {
+    fn advanced(&mut self, pass: &Pass, at: Moment, overall: Option<Overall>) {
         match self {
-            Self::Bars(bars) => bars.advance(pass, now),
-            Self::Lines(sink) => sink(&lines::advanced(pass, now, unix_seconds)),
-            Self::Json(sink) => sink(&lines::json_event(JsonKind::Advanced, pass, now)),
+            Self::Bars(bars) => bars.advance(pass, at.now, overall),
+            Self::Lines(sink) => sink(&lines::advanced(pass, at, overall)),
+            Self::Json(sink) => {
+                sink(&lines::json_event(JsonKind::Advanced, pass, at.now, overall));
+            }
             Self::Nothing => {}
         }
     }
@@ -191,7 +200,7 @@ impl Surface {
         match self {
             Self::Bars(bars) => ignore_closed(bars.finish(pass, &lines::finished(pass, now))),
             Self::Lines(sink) => sink(&lines::finished(pass, now)),
-            Self::Json(sink) => sink(&lines::json_event(JsonKind::Finished, pass, now)),
+            Self::Json(sink) => sink(&lines::json_event(JsonKind::Finished, pass, now, None)),
             Self::Nothing => {}
         }
     }
@@ -247,7 +256,8 @@ mod tests {
         }
     }
 
-    const START: Event = Event::Started { stage: StageId::Cluster, total: Some(1_000_000) };
+    const START: Event =
+        Event::Started { stage: StageId::Cluster, total: Some(1_000_000), bytes: None };
     const END: Event = Event::Finished { stage: StageId::Cluster, done: 1_000_000 };
 
     fn advanced(done: u64) -> Event {

@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use meshmill::pipeline::{CompareReport, DefectReport, SortReport};
 
+use super::passes::Figures;
+
 /// `1234567` → `1,234,567`.
 pub(super) fn count(value: u64) -> String {
     let digits = value.to_string();
@@ -83,8 +85,15 @@ pub(super) fn shortfall(stopped_by: Option<&str>) -> &'static str {
     }
 }
 
+/// Records per second in three digits: `38.6 M/s`; with bytes where they are known: `38.6 M/s  1.93 GB/s`.
+pub(super) fn rates(figures: &Figures) -> String {
+    let records = rate(figures.per_second);
+    let bytes = figures.bytes_per_second.map(|bytes| rate(bytes).replace("/s", "B/s"));
+    bytes.map_or(records.clone(), |bytes| format!("{records}  {bytes}"))
+}
+
 /// Records per second in three digits: `38.6 M/s`.
-pub(super) fn rate(per_second: f64) -> String {
+fn rate(per_second: f64) -> String {
     let (mut scaled, mut unit) = (per_second, "");
     for larger in ["k", "M", "G", "T"] {
         // What would round to four digits gets the next unit.

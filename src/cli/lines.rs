@@ -5,36 +5,48 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::{
-    figures::{count, per_cent, rate, span, time_stamp},
-    passes::{Figures, Pass},
+    figures::{count, per_cent, rates, span, time_stamp},
+    passes::{Overall, Pass},
 };
 
 /// `cluster     123,456,789 records  3.2 s  38.6 M/s`.
 pub(super) fn finished(pass: &Pass, now: Duration) -> String {
     let figures = pass.figures(now);
     let (records, time) = (count(pass.done), span(figures.elapsed));
-    format!(
-        "{:<NAME_WIDTH$} {records:>15} records  {time}  {}",
-        pass.stage.name(),
-        rate(figures.per_second)
-    )
+    let name = pass.stage.name();
+    format!("{name:<NAME_WIDTH$} {records:>15} records  {time}  {}", rates(&figures))
 }
 
 /// `2026-03-01T23:59:05Z  cluster  42 %  38.6 M/s  ETA 3.2 s`, or with the count when the total is
 /// not known.
-pub(super) fn advanced(pass: &Pass, now: Duration, unix_seconds: u64) -> String {
-    let figures = pass.figures(now);
+pub(super) fn advanced(pass: &Pass, at: Moment, overall: Option<Overall>) -> String {
+    let figures = pass.figures(at.now);
     let done = match pass.total {
         Some(total) => format!("{} %", per_cent(pass.done, total)),
         None => format!("{} records", count(pass.done)),
     };
-    let (time, rate, eta) = (time_stamp(unix_seconds), rate(figures.per_second), eta(&figures));
-    format!("{time}  {}  {done}  {rate}{eta}", pass.stage)
+    let (time, rates, eta) = (time_stamp(at.unix_seconds), rates(&figures), eta(figures.left));
+    let overall = overall.map(|overall| format!("  {}", whole(overall))).unwrap_or_default();
+    format!("{time}  {}  {done}  {rates}{eta}{overall}", pass.stage)
+}
+
+/// `all 42 %  ETA 12 min 05 s`: how far the whole job is.
+pub(super) fn whole(overall: Overall) -> String {
+    format!("all {:.0} %{}", overall.share * 100.0, eta(Some(overall.left)))
+}
+
+/// When something is said.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    /// On the display's clock.
+    pub(super) now: Duration,
+    /// Of the day.
+    pub(super) unix_seconds: u64,
 }
 
 /// `  ETA 3.2 s`, to follow other figures; empty when nobody knows.
-pub(super) fn eta(figures: &Figures) -> String {
-    figures.left.map(|left| format!("  ETA {}", span(left))).unwrap_or_default()
+pub(super) fn eta(left: Option<Duration>) -> String {
+    left.map(|left| format!("  ETA {}", span(left))).unwrap_or_default()
 }
 
 /// Columns of a stage's name.
@@ -61,7 +73,11 @@ struct JsonEvent {
     total: Option<u64>,
     seconds: f64,
     rate: f64,
+    bytes_per_second: Option<f64>,
     eta_seconds: Option<f64>,
+    /// Share of the whole job that is done, and time to its end.
+    overall: Option<f64>,
+    overall_eta_seconds: Option<f64>,
 }
 
 /// A message to a person, as a line of `--progress json`.
@@ -72,7 +88,12 @@ struct JsonMessage<'a> {
 }
 
 /// One event as JSON; numbers have milliseconds, and tenths of a record per second.
-pub(super) fn json_event(event: JsonKind, pass: &Pass, now: Duration) -> String {
+pub(super) fn json_event(
+    event: JsonKind,
+    pass: &Pass,
+    now: Duration,
+    overall: Option<Overall>,
+) -> String {
     let figures = pass.figures(now);
     let milliseconds = |span: Duration| (span.as_secs_f64() * 1e3).round() / 1e3;
     to_json(&JsonEvent {
@@ -82,7 +103,10 @@ pub(super) fn json_event(event: JsonKind, pass: &Pass, now: Duration) -> String 
         total: pass.total,
         seconds: milliseconds(figures.elapsed),
         rate: (figures.per_second * 10.0).round() / 10.0,
+        bytes_per_second: figures.bytes_per_second.map(f64::round),
         eta_seconds: figures.left.map(milliseconds),
+        overall: overall.map(|overall| (overall.share * 1e4).round() / 1e4),
+        overall_eta_seconds: overall.map(|overall| milliseconds(overall.left)),
     })
 }
 
@@ -109,7 +133,7 @@ mod tests {
     fn pass(done: u64, total: Option<u64>, seconds: f64) -> (Pass, Duration) {
         let now = START + Duration::from_secs_f64(seconds);
         let mut passes = Passes::default();
-        passes.start(StageId::Cluster, total, START);
+        passes.start(StageId::Cluster, total.into(), START);
         (passes.advance(StageId::Cluster, done, now, Duration::ZERO).unwrap().clone(), now)
     }
 
@@ -123,20 +147,25 @@ mod tests {
     fn a_line_under_way_says_when_how_far_how_fast_and_how_long_still() {
         let (known, now) = pass(42_900, Some(100_000), 30.0);
         let line = "2026-01-01T00:00:30Z  cluster  42 %  1.43 k/s  ETA 40 s";
-        assert_eq!(advanced(&known, now, 1_767_225_630), line);
+        let at = |now| Moment { now, unix_seconds: 1_767_225_630 };
+        assert_eq!(advanced(&known, at(now), None), line);
+        let overall = Overall { share: 0.421, left: 725 * Duration::from_secs(1) };
+        let line = format!("{line}  all 42 %  ETA 12 min 05 s");
+        assert_eq!(advanced(&known, at(now), Some(overall)), line);
         let (unknown, now) = pass(42_900, None, 30.0);
         let line = "2026-01-01T00:00:30Z  cluster  42,900 records  1.43 k/s";
-        assert_eq!(advanced(&unknown, now, 1_767_225_630), line);
+        assert_eq!(advanced(&unknown, at(now), None), line);
     }
 
     #[test]
     fn json_has_every_field_in_every_event() {
         let (known, now) = pass(250, Some(1000), 2.0);
-        let line = r#"{"event":"advanced","stage":"cluster","done":250,"total":1000,"seconds":2.0,"rate":125.0,"eta_seconds":6.0}"#;
-        assert_eq!(json_event(JsonKind::Advanced, &known, now), line);
+        let overall = Some(Overall { share: 0.25, left: Duration::from_secs(9) });
+        let line = r#"{"event":"advanced","stage":"cluster","done":250,"total":1000,"seconds":2.0,"rate":125.0,"bytes_per_second":null,"eta_seconds":6.0,"overall":0.25,"overall_eta_seconds":9.0}"#;
+        assert_eq!(json_event(JsonKind::Advanced, &known, now, overall), line);
         let (unknown, _) = pass(0, None, 0.0);
-        let line = r#"{"event":"started","stage":"cluster","done":0,"total":null,"seconds":0.0,"rate":0.0,"eta_seconds":null}"#;
-        assert_eq!(json_event(JsonKind::Started, &unknown, START), line);
+        let line = r#"{"event":"started","stage":"cluster","done":0,"total":null,"seconds":0.0,"rate":0.0,"bytes_per_second":null,"eta_seconds":null,"overall":null,"overall_eta_seconds":null}"#;
+        assert_eq!(json_event(JsonKind::Started, &unknown, START, None), line);
     }
 
     #[test]

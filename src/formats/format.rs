@@ -19,6 +19,12 @@ pub enum Format {
 }
 
 impl Format {
+    /// Whether files of ours in this format have vertices, and faces that refer to them.
+    #[must_use]
+    pub fn is_indexed(self) -> bool {
+        matches!(self, Self::Ply | Self::Obj)
+    }
+
     /// Name in messages and on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -4,8 +4,9 @@ use super::{
     Limit, State,
     metric::Metric,
     surface::{Mesh, UNKNOWN},
-    sweep_blocks,
+    sweep_blocks_while,
 };
+use crate::progress::{Cancelled, Meter};
 
 /// What finishing came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,26 +27,60 @@ const ROUND_SHARE: f64 = 0.6;
 /// Decimates `mesh` to `faces` faces, or one fewer where only two at a time can go.
 pub fn finish<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> Finished {
     // One more: the last of an odd number must be chosen with care.
-    sweep_to(mesh, (faces as f64 * SWEEP_MARGIN) as usize, faces + 1);
+    sweep_to(mesh, faces_swept_to(faces), faces + 1, &mut |_| true);
     let is_stuck = !collapse_in_order(mesh, faces);
     Finished { faces: mesh.faces_left, is_stuck }
 }
 
-/// Decimates `mesh` to about `faces` faces, and not below, by one threshold for all of it.
-pub fn approach<M: Metric>(mesh: &mut Mesh<M>, faces: usize) {
-    sweep_to(mesh, faces, faces);
+/// As [`finish`], adding the faces that go to a meter.
+///
+/// # Errors
+/// Cancellation, between two blocks.
+pub fn finish_metered<M: Metric>(
+    mesh: &mut Mesh<M>,
+    faces: usize,
+    meter: &Meter,
+) -> Result<Finished, Cancelled> {
+    let mut added = Ok(());
+    let mut add = |gone: usize| {
+        added = meter.add(gone as u64);
+        added.is_ok()
+    };
+    sweep_to(mesh, faces_swept_to(faces), faces + 1, &mut add);
+    added?;
+    let before = mesh.faces_left;
+    let is_stuck = !collapse_in_order(mesh, faces);
+    meter.add((before - mesh.faces_left) as u64)?;
+    Ok(Finished { faces: mesh.faces_left, is_stuck })
 }
 
-/// Sweeps with thresholds that rise until `faces` are left, or no collapse is; never goes below
-/// `least`.
-fn sweep_to<M: Metric>(mesh: &mut Mesh<M>, faces: usize, least: usize) {
+/// What sweeps leave to be removed in the order of cost.
+fn faces_swept_to(faces: usize) -> usize {
+    (faces as f64 * SWEEP_MARGIN) as usize
+}
+
+/// Decimates `mesh` to about `faces` faces, and not below, by one threshold for all of it.
+pub fn approach<M: Metric>(mesh: &mut Mesh<M>, faces: usize) {
+    sweep_to(mesh, faces, faces, &mut |_| true);
+}
+
+/// Sweeps with thresholds that rise until `faces` are left, no collapse is, or `go_on` says no; never
+/// goes below `least`.
+fn sweep_to<M: Metric>(
+    mesh: &mut Mesh<M>,
+    faces: usize,
+    least: usize,
+    go_on: &mut dyn FnMut(usize) -> bool,
+) {
     let mut cost = 0.0_f32;
     while mesh.faces_left > faces {
         let before = mesh.faces_left;
         let surplus = before - least.min(faces);
         let aim = (before - (surplus as f64 * ROUND_SHARE) as usize).max(faces);
         cost = guess_cost(mesh, aim).max(cost * 1.05).max(f32::MIN_POSITIVE);
-        sweep_blocks(mesh, &Limit { cost, share: 0.0, faces: least });
+        if !sweep_blocks_while(mesh, &Limit { cost, share: 0.0, faces: least }, go_on) {
+            return;
+        }
         if mesh.faces_left == before && !cost.is_finite() {
             break;
         }

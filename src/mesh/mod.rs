@@ -1,4 +1,4 @@
-//! Meshes in core, made to be decimated: no files, no threads, no progress.
+//! Meshes in core, made to be decimated: no files, no threads, and progress only of what takes long.
 //!
 //! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
 //! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
@@ -32,13 +32,13 @@ mod window;
 pub use by_quadric::ByQuadric;
 pub use by_volume::ByVolume;
 pub use choice::{Choice, Decimated};
-pub use finish::{Finished, approach, finish};
+pub use finish::{Finished, approach, finish, finish_metered};
 pub use metric::Metric;
 pub use patch::{Patch, unit_of};
 pub use position_index::PositionIndex;
 pub use quadric::Quadric;
 pub use release::{Released, release, release_all};
 pub use surface::{Color, Mesh, State, face_bytes};
-pub use sweep::{Limit, sweep_blocks};
+pub use sweep::{Limit, sweep_blocks, sweep_blocks_while};
 pub use weld::{Welded, weld};
 pub use window::{Figures, Window};

@@ -39,6 +39,16 @@ const REST_SHARE: usize = 200;
 
 /// Decimates all blocks of a mesh to a limit.
 pub fn sweep_blocks<M: Metric>(mesh: &mut Mesh<M>, limit: &Limit) {
+    sweep_blocks_while(mesh, limit, &mut |_| true);
+}
+
+/// Decimates all blocks of a mesh to a limit, as long as `go_on`, which is told after each block how
+/// many faces have gone in it, says so; returns whether it did to the end.
+pub fn sweep_blocks_while<M: Metric>(
+    mesh: &mut Mesh<M>,
+    limit: &Limit,
+    go_on: &mut dyn FnMut(usize) -> bool,
+) -> bool {
     let mut block = Vec::with_capacity(BLOCK_VERTICES);
     let mut ring = Vec::new();
     let vertices = mesh.spots.len();
@@ -49,12 +59,17 @@ pub fn sweep_blocks<M: Metric>(mesh: &mut Mesh<M>, limit: &Limit) {
         let end = if vertices - end < BLOCK_VERTICES / 2 { vertices } else { end };
         block.clear();
         block.extend((start as u32..end as u32).filter(|vertex| mesh.rings.count(*vertex) > 0));
+        let before = mesh.faces_left;
         sweep_block(mesh, &mut block, limit, &mut ring);
         start = end;
+        if !go_on(before - mesh.faces_left) {
+            return false;
+        }
         if mesh.faces_left <= limit.faces {
             break;
         }
     }
+    true
 }
 
 fn sweep_block<M: Metric>(

@@ -1,14 +1,14 @@
 //! Decimation to a wanted count: the stream put in order, cut into slabs, and finished.
 
 use super::{
-    DecimateReport, Goal, Simplify,
+    DecimateReport, Goal, Job, Simplify,
     run::Run,
     streaming::{count_unknown, sort_config},
 };
 use crate::{
     error::Result,
     formats::Findings,
-    soup::{ColoredPoint, Source, SweepAxis, Triangle, Vertex},
+    soup::{ColoredPoint, Point, Source, SweepAxis, Triangle, Vertex},
     stages::{
         convert::{
             import::{self, Survey},
@@ -56,7 +56,16 @@ const WINDOW_SHARE: u64 = 4;
 /// the mesh that slabs leave, and before that for a slab and what waits, in the three quarters of it
 /// that putting triangles in order leaves them.
 pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
-    let config = decimate::Config {
+    let config = config(simplify, triangles).as_sampled();
+    let rest_bytes = config.rest_bytes::<ColoredPoint>();
+    // While slabs are worked on, what is left of the others waits, at less than half of what it
+    // takes as a mesh.
+    rest_bytes.max((config.slab_bytes::<ColoredPoint>(1) + rest_bytes / 2) / 3 * 4)
+}
+
+/// Decimation of so many triangles, as far as it is known before they are read.
+fn config(simplify: &Simplify, triangles: u64) -> decimate::Config {
+    decimate::Config {
         axis: SweepAxis::X,
         triangles: Some(triangles),
         wanted: Wanted::Triangles(simplify.goal.triangles_wanted(triangles).unwrap_or(triangles)),
@@ -64,11 +73,38 @@ pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
         slab_triangles_min: decimate::SLAB_TRIANGLES_MIN,
         threshold: None,
     }
-    .as_sampled();
-    let rest_bytes = config.rest_bytes::<ColoredPoint>();
-    // While slabs are worked on, what is left of the others waits, at less than half of what it
-    // takes as a mesh.
-    rest_bytes.max((config.slab_bytes::<ColoredPoint>(1) + rest_bytes / 2) / 3 * 4)
+}
+
+/// Triangles of a front for each of the square root of all, as that of a gyroid is, and bytes a triangle
+/// takes in the window that puts them in order.
+const FRONT_WIDTH: u64 = 40;
+const WINDOW_BYTES: u64 = 50;
+
+/// Whether so many triangles are put in order in passing however they come.
+pub(super) fn absorbs_any(job: &Job, triangles: u64) -> bool {
+    let left = (job.memory_bytes as f64 * (1.0 - job.table_share())) as u64;
+    let late = Some(triangles);
+    let sort = sort_config::<ColoredPoint>(SweepAxis::X, late, left / WINDOW_SHARE);
+    sort.method != Method::Sort
+}
+
+/// Bytes of memory that decimation slab by slab takes at its peak, about: what waits to be a slab, those
+/// that are worked on, and what is left of the others; or the last mesh.
+pub(super) fn expected_bytes(job: &Job, simplify: &Simplify, triangles: u64) -> u64 {
+    let config = config(simplify, triangles).as_sampled();
+    let slab = config.slab_triangles().min(triangles);
+    let slabs = triangles / slab.max(1);
+    let triangle_bytes = size_of::<Triangle<Point>>() as u64;
+    let (face_bytes, rest_bytes) = (config.face_bytes::<Point>(), config.rest_bytes::<Point>());
+    if slabs < 2 {
+        return triangles * (face_bytes + triangle_bytes);
+    }
+    // One more waits, and one is being filled.
+    let at_work = slabs.min(job.threads as u64);
+    let slabs_bytes = slab * (at_work * face_bytes + 2 * triangle_bytes);
+    // What is late waits in a window, about as wide as the front.
+    let window_bytes = slab.min(2 * triangles.isqrt() * FRONT_WIDTH) * WINDOW_BYTES;
+    rest_bytes.max(slabs_bytes + window_bytes + rest_bytes / 2)
 }
 
 impl Run<'_> {
@@ -80,9 +116,12 @@ impl Run<'_> {
     ) -> Result<Decimated<V>> {
         let import::Outcome { source, survey } = imported;
         let axis = simplify.assume_sorted.unwrap_or(SweepAxis::ALL[survey.bounds.longest_axis()]);
+        // One slab has no neighbours whose threshold it has to share, and is put in order whole.
+        let is_small = source.records().is_some_and(|count| count <= decimate::SLAB_TRIANGLES_MIN);
+        let is_one_slab = is_small && simplify.assume_sorted.is_none();
         let sampled = match simplify.assume_sorted {
-            Some(_) => None,
-            None => Some(self.sample(&source, &survey)?),
+            None if !is_one_slab => Some(self.sample(&source, &survey)?),
+            _ => None,
         };
         let order = sampled.as_ref().map(|sampled| sampled.order);
         let triangles = order.map(|order| order.triangles).or(source.records());
@@ -100,7 +139,10 @@ impl Run<'_> {
             decimate::Config { axis, triangles, wanted, metric, slab_triangles_min, threshold };
         config.threshold = sampled.and_then(|sampled| sampled.threshold(&config));
         let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
-        let sort = self.presort_config::<V>(axis, displacement_max, &config);
+        let mut sort = self.presort_config::<V>(axis, displacement_max, &config);
+        if is_one_slab {
+            sort.method = Method::Sort;
+        }
         let mut sorted = None;
         let outcome = decimate::decimate(&config, self.workspace, self.monitor, |sink| {
             // The vertex table goes before what is left of the slabs needs its memory.
@@ -146,7 +188,8 @@ impl Run<'_> {
         if in_passing.method != Method::Sort {
             return in_passing;
         }
-        let slabs = config.slab_bytes::<V>(self.job.threads);
+        // What slabs leave waits beside the sort, at less than half of what it takes as a mesh.
+        let slabs = config.slab_bytes::<V>(self.job.threads) + config.rest_bytes::<V>() / 2;
         let left = available.saturating_sub(slabs).max(available / WINDOW_SHARE);
         sort_config::<V>(axis, displacement_max, left)
     }

@@ -5,9 +5,11 @@ mod attempts;
 mod compare;
 mod compare_picture;
 mod decimation;
+mod expected;
 mod hybrid;
 mod info;
 mod job;
+mod machine;
 mod method;
 mod plan;
 mod render;
@@ -29,8 +31,8 @@ pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use render::{Colors, Render, RenderReport, render};
 pub use report::{
-    BoundsReport, ClusterReport, DecimateReport, DefectReport, HybridReport, InputReport,
-    OutputReport, Report, SortReport, StageReport, StreamReport,
+    BoundsReport, ClusterReport, DecimateReport, DefectReport, EstimatedReport, EstimatesReport,
+    HybridReport, InputReport, OutputReport, Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
 pub use topology::{TopologyReport, topology};

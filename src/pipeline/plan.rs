@@ -1,10 +1,10 @@
 //! What a job will do, before it does it: pure, from facts about the inputs.
 
-use std::fmt;
+use std::{fmt, path::PathBuf};
 
 use super::{
-    Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, hybrid,
-    method, sort, streaming,
+    Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, decimation,
+    expected, hybrid, method, sort, streaming,
 };
 use crate::{
     error::{Error, Result},
@@ -52,10 +52,23 @@ pub struct Plan {
     pub vertices: Option<u64>,
     /// Faces and soup triangles, as far as headers and sizes tell.
     pub records: Option<u64>,
-    /// Peak memory: the budget and what lies beside it.
+    /// Peak memory at most: the budget and what lies beside it.
     pub memory_bytes: u64,
+    /// Peak memory, about; more, up to what is allowed, where triangles must be sorted on disk.
+    pub memory_expected_bytes: u64,
     /// Peak of temporary files, at most; `None` when only the end of a stream will tell.
     pub temporary_bytes: Option<u64>,
+    /// Where they go.
+    pub temp_dir: PathBuf,
+    /// What is free there; `None` before the machine has been looked at.
+    pub temp_dir_available_bytes: Option<u64>,
+    /// The part of that which triangles in order, or nearly so, do not need.
+    pub unsorted_bytes: u64,
+    /// Seconds by stage, about, in order; empty when nobody knows how much there is to do, or before
+    /// the machine has been looked at.
+    pub seconds: Vec<(StageId, f64)>,
+    /// Seconds more where triangles turn out not to be nearly sorted.
+    pub unsorted_seconds: f64,
     /// Size of the result, about; `None` when not known.
     pub output_bytes: Option<u64>,
     /// What is worth knowing: spooling, spilling.
@@ -84,13 +97,15 @@ const TABLE_SHARE_DECIMATE: f64 = 0.3;
 /// The same when nothing else does.
 const TABLE_SHARE_CONVERT: f64 = 0.9;
 /// Bytes a cell and its two triangles take in the tables of clustering.
-const CLUSTER_BYTES_PER_CELL: u64 = 110;
+pub(super) const CLUSTER_BYTES_PER_CELL: u64 = 110;
 /// Bytes a cell and its triangles take on disk while runs are merged: the runs themselves, ids,
 /// vertices, and two generations of triangles; with overlap between runs.
 const SPILL_BYTES_PER_CELL: u64 = 400;
-/// Bytes a triangle takes when corners are sorted on disk to weld them: two sorters of three
-/// records each.
-const WELD_BYTES_PER_TRIANGLE: u64 = 3 * (24 + 32 + 16);
+/// Bytes of memory a triangle takes while its corners are welded there.
+const WELD_BYTES_IN_MEMORY: u64 = 96;
+/// Bytes a triangle takes at most while corners are sorted on disk to weld them: its three corners
+/// with their positions, and those that have their numbers. What has been read is given back.
+const WELD_BYTES_PER_TRIANGLE: u64 = 3 * (24 + 16);
 /// Bytes of a line of text that holds a vertex or a face, at least.
 const LINE_BYTES_MIN: u64 = 7;
 /// Bytes of a stored corner.
@@ -138,7 +153,13 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         method: method.clone(),
         records,
         memory_bytes: job.memory_bytes + MEMORY_BYTES_CONSTANT,
+        memory_expected_bytes: 0,
         temporary_bytes: Some(0),
+        temp_dir: job.temp_dir.clone(),
+        temp_dir_available_bytes: None,
+        unsorted_bytes: 0,
+        seconds: Vec::new(),
+        unsorted_seconds: 0.0,
         output_bytes: None,
         notes: Vec::new(),
     };
@@ -165,12 +186,13 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         Task::Simplify(simplify) if simplify.is_streaming() => {
             streaming::plan(job, simplify, sizes, &mut plan);
         }
-        Task::Simplify(simplify) => plan_decimation(simplify, sizes, &mut plan),
+        Task::Simplify(simplify) => plan_decimation(job, simplify, sizes, &mut plan),
         Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
         Task::Soup => {}
     }
     plan_export(job, &mut plan);
+    plan.memory_expected_bytes = expected::memory_bytes(job, &plan, sizes);
     Ok(plan)
 }
 
@@ -219,7 +241,7 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
         return Err(Error::Request(text.to_owned()));
     }
     let format = job.output_format.name();
-    let indexed = matches!(job.output_format, Format::Ply | Format::Obj);
+    let indexed = job.output_format.is_indexed();
     let refused = match job.task {
         _ if job.output_format == Format::Off => "off can be read but not written".to_owned(),
         Task::Soup | Task::Sort(_) if indexed => {
@@ -281,10 +303,10 @@ fn plan_vertices(job: &Job, facts: &InputFacts, sizes: Sizes, plan: &mut Plan) {
     if !in_memory {
         // When indices turn out not to be local, references and soup lie side by side.
         let faces = facts.declared.faces.or(lines);
-        plan.add_temporary(faces.map(|count| count * 3 * (16 + 8 + 2 * sizes.vertex)));
+        plan.add_unsorted(faces.map(|count| count * 3 * (16 + 8 + 2 * sizes.vertex)));
         plan.stage(
             StageId::Dereference,
-            "look up corners block by block if they are scattered".into(),
+            "look up corners block by block, on disk if they are scattered".into(),
         );
     }
 }
@@ -316,7 +338,7 @@ pub(super) fn plan_clustering(
     plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
 }
 
-fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
+fn plan_decimation(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
     let wanted = plan.records.and_then(|count| simplify.goal.triangles_wanted(count));
     let is_measured = simplify.assume_sorted.is_none();
     if is_measured && plan.vertices.is_some_and(|count| count > 0) {
@@ -328,10 +350,10 @@ fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
         format!("collapse edges by {}, slab by slab", simplify.metric.name()),
     );
     plan.stage(StageId::Finish, "join the slabs, meet the count, place the vertices".to_owned());
-    let colored = sizes.vertex > size_of::<Point>() as u64;
-    if is_measured {
-        let disk_bytes = presort::disk_bytes_per_triangle(colored);
-        plan.add_temporary(plan.records.map(|count| count * disk_bytes));
+    let fits = plan.records.is_some_and(|count| decimation::absorbs_any(job, count));
+    if is_measured && !fits {
+        let disk_bytes = presort::disk_bytes_per_triangle(sizes.is_colored());
+        plan.add_unsorted(plan.records.map(|count| count * disk_bytes));
         plan.notes.push("triangles that are nearly sorted are not sorted on disk".to_owned());
     }
     plan.output_bytes = wanted.map(|count| count * (13 + sizes.vertex / 2));
@@ -339,10 +361,17 @@ fn plan_decimation(simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
 
 fn plan_weld(job: &Job, plan: &mut Plan) {
     plan.stage(StageId::Weld, "give equal positions one number".to_owned());
-    if plan.records.is_none_or(|count| count * 96 > job.memory_bytes) {
-        plan.add_temporary(plan.records.map(|count| count * WELD_BYTES_PER_TRIANGLE));
+    let bytes = weld_bytes(job, plan.records);
+    plan.add_temporary(bytes);
+    if bytes != Some(0) {
         plan.notes.push("corners that outgrow the memory are sorted on disk".to_owned());
     }
+}
+
+/// Bytes on disk that welding so many triangles takes at most.
+pub(super) fn weld_bytes(job: &Job, triangles: Option<u64>) -> Option<u64> {
+    let fits = triangles.is_some_and(|count| count * WELD_BYTES_IN_MEMORY <= job.memory_bytes);
+    if fits { Some(0) } else { triangles.map(|count| count * WELD_BYTES_PER_TRIANGLE) }
 }
 
 fn plan_export(job: &Job, plan: &mut Plan) {
@@ -368,8 +397,54 @@ fn plan_export(job: &Job, plan: &mut Plan) {
 }
 
 impl Plan {
+    /// Seconds from beginning to end, about, if that can be told.
+    #[must_use]
+    pub fn seconds(&self) -> Option<f64> {
+        let seconds = self.seconds.iter().map(|(_, seconds)| seconds);
+        (!self.seconds.is_empty()).then(|| seconds.sum())
+    }
+
+    /// All that is needed, in a line.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        let memory = size(self.memory_expected_bytes);
+        let time = self.time().map(|time| format!("{time}, ")).unwrap_or_default();
+        format!("{time}{memory} of memory, temporary files {}", self.temporary())
+    }
+
+    /// Temporary files, in words.
+    fn temporary(&self) -> String {
+        let free = self.temp_dir_available_bytes;
+        let free = free.map(|bytes| format!(", {} free", size(bytes))).unwrap_or_default();
+        let place = format!("in {}{free}", self.temp_dir.display());
+        match self.temporary_bytes {
+            Some(0) => "0 B".to_owned(),
+            Some(bytes) if self.unsorted_bytes > 0 => {
+                let least = size(bytes.saturating_sub(self.unsorted_bytes));
+                format!("{least} if in order, else {} {place}", size(bytes))
+            }
+            bytes => format!("{} {place}", known(bytes)),
+        }
+    }
+
+    /// Time from beginning to end, in words, if that can be told.
+    fn time(&self) -> Option<String> {
+        let seconds = self.seconds()?;
+        let about = format!("about {}", span(seconds));
+        if self.unsorted_bytes == 0 || self.unsorted_seconds == 0.0 {
+            return Some(about);
+        }
+        Some(format!("{about} if in order, else {}", span(seconds + self.unsorted_seconds)))
+    }
+
     pub(super) fn stage(&mut self, stage: StageId, what: String) {
         self.stages.push(PlannedStage { stage, what });
+    }
+
+    /// Adds temporary files that triangles in order, or nearly so, do not need.
+    pub(super) fn add_unsorted(&mut self, bytes: Option<u64>) {
+        self.add_temporary(bytes);
+        self.unsorted_bytes += bytes.unwrap_or(0);
     }
 
     /// Adds temporary files; the sum is unknown as soon as a part is.
@@ -378,19 +453,40 @@ impl Plan {
     }
 }
 
+/// A size in words.
+fn size(bytes: u64) -> String {
+    bytesize::ByteSize(bytes).to_string()
+}
+
+/// A size in words, if it is known.
+fn known(bytes: Option<u64>) -> String {
+    bytes.map_or("known only at the end".to_owned(), size)
+}
+
+/// A span of time in plain words.
+fn span(seconds: f64) -> String {
+    match seconds {
+        ..90.0 => format!("{seconds:.1} s"),
+        ..5400.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    }
+}
+
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, planned) in self.stages.iter().enumerate() {
             writeln!(f, "{:2}. {:11} {}", index + 1, planned.stage.name(), planned.what)?;
         }
-        let size = |bytes: u64| bytesize::ByteSize(bytes).to_string();
-        let known = |bytes: Option<u64>| bytes.map_or("known only at the end".to_owned(), size);
         if let Some(choice) = &self.method {
             writeln!(f, "method     {choice}")?;
         }
-        writeln!(f, "memory     at most {}", size(self.memory_bytes))?;
-        writeln!(f, "temporary  {}", known(self.temporary_bytes))?;
+        let [expected, most] = [self.memory_expected_bytes, self.memory_bytes].map(size);
+        writeln!(f, "memory     about {expected}, at most {most}")?;
+        writeln!(f, "temporary  {}", self.temporary())?;
         writeln!(f, "output     {}", known(self.output_bytes))?;
+        if let Some(time) = self.time() {
+            writeln!(f, "time       {time}")?;
+        }
         for note in &self.notes {
             writeln!(f, "note       {note}")?;
         }

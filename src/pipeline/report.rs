@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::CompareReport;
+use super::{CompareReport, Plan, plan::MEMORY_BYTES_CONSTANT};
 use crate::{formats::Findings, geometry::Bounds};
 
 /// All of it.
@@ -36,6 +36,8 @@ pub struct Report {
     /// Simplification: how far the result is from the inputs, if that was to be measured and there
     /// is a result.
     pub deviation: Option<CompareReport>,
+    /// What the plan had told, for comparison with what came.
+    pub estimates: EstimatesReport,
     /// Largest resident set of the process.
     pub peak_memory_bytes: u64,
     /// Largest total of temporary files.
@@ -174,6 +176,69 @@ pub struct StreamReport {
     pub complex_vertices: u64,
     /// Vertices on a boundary, decimated and written like any other.
     pub boundary_vertices: u64,
+}
+
+/// What a plan told of a job, and what came.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct EstimatesReport {
+    /// Largest resident set of the process.
+    pub memory_bytes: EstimatedReport,
+    /// Largest total of temporary files, once it was known whether triangles must be sorted.
+    pub temporary_bytes: EstimatedReport,
+    /// Wall clock.
+    pub seconds: EstimatedReport,
+}
+
+/// A figure that was estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct EstimatedReport {
+    /// What the plan said; `None` where it could not tell.
+    pub planned: Option<f64>,
+    /// What it was.
+    pub actual: f64,
+    /// The first by the second, where both say something.
+    pub ratio: Option<f64>,
+}
+
+impl EstimatedReport {
+    /// An estimate and what came.
+    #[must_use]
+    pub fn new(planned: Option<f64>, actual: f64) -> Self {
+        let ratio = planned.filter(|_| actual > 0.0).map(|planned| planned / actual);
+        Self { planned, actual, ratio }
+    }
+}
+
+/// Memory beside a sort on disk.
+const SORT_BYTES_BESIDE: u64 = 24 << 20;
+
+impl Report {
+    /// Sets what `plan` had told beside what came.
+    pub fn compare_with(&mut self, plan: &Plan) {
+        let on_disk = self.decimate.as_ref().map(|report| report.sorted_on_disk);
+        let on_disk = on_disk.or(self.sort.as_ref().map(|report| report.on_disk));
+        let on_disk = on_disk.or(self.stream.as_ref().map(|report| report.sorted_on_disk));
+        let is_spared = on_disk == Some(false);
+        let spared_bytes = if is_spared { plan.unsorted_bytes } else { 0 };
+        let more_seconds = if is_spared { 0.0 } else { plan.unsorted_seconds };
+        let seconds = plan.seconds().map(|seconds| seconds + more_seconds);
+        let is_known = on_disk.is_some() || plan.unsorted_bytes == 0;
+        let temporary_bytes = plan.temporary_bytes.filter(|_| is_known);
+        let temporary_bytes = temporary_bytes.map(|bytes| (bytes - spared_bytes) as f64);
+        // A sort takes what it gets.
+        let most_bytes = plan.memory_bytes - MEMORY_BYTES_CONSTANT;
+        let sort_bytes = most_bytes / 10 * 9 + SORT_BYTES_BESIDE;
+        let least_bytes = if on_disk == Some(true) { sort_bytes } else { 0 };
+        let memory_bytes = Some(plan.memory_expected_bytes.max(least_bytes) as f64);
+        self.estimates = EstimatesReport {
+            memory_bytes: EstimatedReport::new(memory_bytes, self.peak_memory_bytes as f64),
+            temporary_bytes: EstimatedReport::new(
+                temporary_bytes,
+                self.temporary_bytes_peak as f64,
+            ),
+            seconds: EstimatedReport::new(seconds, self.seconds),
+        };
+    }
 }
 
 /// One stage.

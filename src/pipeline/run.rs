@@ -8,6 +8,8 @@ use super::{
     attempts::{Clustered, Imported, Purpose},
     compare::compare,
     decimation::Decimated,
+    expected,
+    machine::Machine,
     method,
     plan::{check_request, plan},
 };
@@ -46,8 +48,14 @@ pub fn prepare(job: Job) -> Result<Prepared> {
         Input { path: path.clone(), format, on_defect, origin: Origin::undecided() }.open()
     };
     let inputs = job.inputs.iter().map(open).collect::<Result<Vec<_>>>()?;
-    let plan = plan(&job, &inputs.iter().map(InputFacts::of).collect::<Vec<_>>())?;
+    let facts: Vec<_> = inputs.iter().map(InputFacts::of).collect();
+    let mut plan = plan(&job, &facts)?;
     check_disk(&job, &plan)?;
+    let input_bytes = facts.iter().map(|facts| facts.size_bytes).sum();
+    let machine = Machine::measure(&facts);
+    plan.temp_dir_available_bytes = available_disk_bytes(&job.temp_dir).ok();
+    plan.seconds = expected::seconds(&job, &plan, input_bytes, machine);
+    plan.unsorted_seconds = expected::unsorted_seconds(&job, &plan, machine);
     let (chosen, _) = method::choose(&job, plan.records)?;
     Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, plan })
 }

@@ -71,9 +71,14 @@ pub(super) fn plan(job: &Job, sort: Sort, inputs: &[InputFacts], sizes: Sizes, p
         plan.stage(StageId::Sort, format!("sort along {along} in memory"));
         return;
     }
-    // Each triangle once, and once more where a bucket is cut again or runs are merged to fewer.
     let bytes = presort::disk_bytes_per_triangle(sizes.is_colored());
-    plan.add_temporary(plan.records.map(|count| count * 2 * bytes));
+    let times = |count: u64| if count * bytes > BUCKETS * job.memory_bytes { 2 } else { 1 };
+    let bytes = plan.records.map(|count| count * bytes * times(count));
+    if is_measured || need == Need::Order {
+        plan.add_unsorted(bytes);
+    } else {
+        plan.add_temporary(bytes);
+    }
     plan.stage(StageId::Sort, format!("sort along {along}, on disk"));
     if is_measured || need == Need::Order {
         let note = "if the triangles turn out to be in order, or late by so few that a window in \
@@ -81,6 +86,10 @@ pub(super) fn plan(job: &Job, sort: Sort, inputs: &[InputFacts], sizes: Sizes, p
         plan.notes.push(note.to_owned());
     }
 }
+
+/// Beyond so many times the memory each triangle is on disk once more: buckets are cut again, or runs
+/// merged to fewer. Chosen by hand, well below the least number of buckets.
+const BUCKETS: u64 = 64;
 
 impl Run<'_> {
     pub(super) fn sort<V: Vertex>(&self, inputs: Vec<OpenInput>, sort: Sort) -> Result<Report> {

@@ -2,7 +2,7 @@
 
 use super::{
     Goal, Job, Plan, Report, Simplify, StreamReport,
-    plan::Sizes,
+    plan::{Sizes, weld_bytes},
     run::{Run, report_input},
 };
 use crate::{
@@ -35,7 +35,7 @@ const ORDER_BYTES_MIN: u64 = 12 << 20;
 /// iso-surface of 1 M triangles windows of 75 K and 187 K have the same error, larger ones less as
 /// they come to hold nearly all of the mesh, and are slower, for the cache; beyond 1 M it was not
 /// measured. Where the front of the mesh needs more, the window grows.
-const WINDOW_TRIANGLES: usize = 1 << 22;
+pub(super) const WINDOW_TRIANGLES: usize = 1 << 22;
 
 /// Adds the stream to a plan.
 pub(super) fn plan(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
@@ -57,13 +57,14 @@ pub(super) fn plan(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan
     plan.output_bytes = stl_bytes;
     if simplify.assume_sorted.is_none() {
         let disk_bytes = presort::disk_bytes_per_triangle(sizes.is_colored());
-        plan.add_temporary(plan.records.map(|count| count * disk_bytes));
+        plan.add_unsorted(plan.records.map(|count| count * disk_bytes));
         plan.notes.push("triangles that are nearly sorted are not sorted on disk".to_owned());
     }
     let is_streamed = job.target == Target::Stdout || job.compression != Compression::None;
     match job.output_format {
         Format::Ply | Format::Obj => {
-            plan.add_temporary(wanted.map(|count| count * (sizes.triangle + 3 * 72)));
+            plan.add_temporary(wanted.map(|count| count * sizes.triangle));
+            plan.add_temporary(weld_bytes(job, wanted));
             plan.stage(StageId::Weld, "number the vertices of what was let go".to_owned());
             plan.notes.push(
                 "an indexed mesh begins with its vertices: triangles that are let go are set aside \
@@ -107,7 +108,7 @@ impl Run<'_> {
         let export = self.export_config::<V>(prepared.survey.origin);
         let (workspace, monitor) = (self.workspace, self.monitor);
         let mut report;
-        if matches!(self.job.output_format, Format::Ply | Format::Obj) {
+        if self.job.output_format.is_indexed() {
             let mut released = RecordWriter::create(workspace, "released", None)?;
             let mut keep = |triangles: &[Triangle<V>]| released.extend(triangles);
             let done = prepared.run(workspace, monitor, &mut keep)?;

@@ -87,6 +87,13 @@ impl Input {
         Ok(OpenInput { input: self.clone(), reader, size_bytes })
     }
 
+    /// Bytes on disk; `None` of what is no file.
+    #[must_use]
+    pub fn size_bytes(&self) -> Option<u64> {
+        let InputPath::File(path) = &self.path else { return None };
+        path.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len())
+    }
+
     /// Whether [`Self::open`] can be called again.
     #[must_use]
     pub fn is_repeatable(&self) -> bool {

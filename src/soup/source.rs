@@ -13,6 +13,7 @@ use super::{Input, Pass, StoredFaces, Triangle, Vertex, VertexTable, faces::Face
 use crate::{
     error::Result,
     formats::{Batch, Content, Faces, Findings, MeshReader},
+    progress::Amount,
     storage::RecordFile,
 };
 
@@ -196,6 +197,12 @@ impl<V: Vertex> Source<V> {
         self.parts.iter().map(Part::records).sum()
     }
 
+    /// What a pass has before it.
+    #[must_use]
+    pub fn amount(&self) -> Amount {
+        Amount { records: self.records(), bytes: self.parts.iter().map(Part::bytes).sum() }
+    }
+
     /// Starts a pass over all triangles.
     #[must_use]
     pub fn pass(&self) -> Pass<'_, V> {
@@ -213,6 +220,17 @@ impl<V: Vertex> Part<V> {
             }
             Self::Stored(file) => Some(file.count()),
             Self::Indexed { faces: FaceList::Stored(faces), .. } => Some(faces.count()),
+        }
+    }
+
+    /// Bytes on disk that a pass reads, when known; vertices that are at hand are not among them.
+    fn bytes(&self) -> Option<u64> {
+        match self {
+            Self::Soup(reader) | Self::Indexed { faces: FaceList::Input(reader), .. } => {
+                reader.input.size_bytes()
+            }
+            Self::Stored(file) => Some(file.size_bytes()),
+            Self::Indexed { faces: FaceList::Stored(faces), .. } => Some(faces.size_bytes()),
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Fault, Position, Result},
     formats::{Batch, Content, Findings, MeshReader, Origin},
     geometry::{Bounds, MAXIMA_DEFAULT, Sample, Sampler},
-    progress::{Meter, Monitor, StageId},
+    progress::{Amount, Meter, Monitor, StageId},
     soup::{
         FaceList, FaceWriter, Input, LiveReader, Minima, OpenInput, OrderMeter, Part, Scratch,
         Source, Taken, Triangle, Vertex, VertexTable, for_each_in_order,
@@ -192,7 +192,9 @@ impl Job<'_> {
         let declared = reader.declared().clone();
         let can_wait = declared.vertices_first
             && (input.is_repeatable() || self.config.need == Need::Triangles);
-        let meter = self.monitor.meter(StageId::Import, None);
+        let faces_now = if can_wait { Some(0) } else { declared.faces };
+        let records = declared.vertices.zip(faces_now).map(|(vertices, faces)| vertices + faces);
+        let meter = self.monitor.meter(StageId::Import, records);
         let mut table = TableBuilder::new(declared.vertices, self.config, self.workspace)?;
         let mut sampler = Sampler::default();
         let mut faces = None;
@@ -200,7 +202,9 @@ impl Job<'_> {
         let mut batch = Batch::default();
         let path = input.path.as_path().to_owned();
         while reader.read_batch(&mut batch).map_err(|error| error.in_file(&path))? {
-            meter.add(batch.count() as u64)?;
+            if !can_wait || batch.content == Content::Vertices {
+                meter.add(batch.count() as u64)?;
+            }
             if batch.content == Content::Vertices {
                 sampler.look(batch.positions.iter().copied());
                 bad |= look_at(&batch.positions, &mut self.look.bounds);
@@ -252,7 +256,8 @@ impl Job<'_> {
     /// Reads a soup that will be read again, on all threads.
     fn survey_soup<V: Vertex>(&mut self, open: OpenInput) -> Result<Part<V>> {
         let input = open.input.clone();
-        let meter = self.monitor.meter(StageId::Import, None);
+        let amount = Amount { records: open.reader.declared().faces, bytes: input.size_bytes() };
+        let meter = self.monitor.meter(StageId::Import, amount);
         let parts = vec![self.defer_soup::<V>(open)?];
         let input = Input { origin: self.origin, ..input };
         let source = Source { parts, findings: Findings::default() };
@@ -327,7 +332,7 @@ impl Job<'_> {
         findings: &mut Findings,
     ) -> Result<Part<V>> {
         let (input, declared) = (open.input.clone(), open.reader.declared().faces);
-        let meter = self.monitor.meter(StageId::Import, None);
+        let meter = self.monitor.meter(StageId::Import, declared);
         let parts = vec![self.defer_soup::<V>(open)?];
         let source = Source { parts, findings: Findings::default() };
         let pass = source.pass();

@@ -59,7 +59,7 @@ fn hash(bits: [u32; 3]) -> u64 {
 }
 
 fn in_memory<V: Vertex>(source: &Source<V>, monitor: &Monitor) -> Result<Outcome<V>> {
-    let meter = monitor.meter(StageId::Weld, source.records());
+    let meter = monitor.meter(StageId::Weld, source.amount());
     let pass = source.pass();
     let (mut vertices, mut triangles): (Vec<V>, Vec<[u32; 3]>) = Default::default();
     let mut numbers: HashTable<u32> = HashTable::new();
@@ -221,7 +221,7 @@ fn push_uses<V: Vertex>(
     uses: &mut sort::Sorter<'_, Use>,
     monitor: &Monitor,
 ) -> Result<Findings> {
-    let meter = monitor.meter(StageId::Weld, source.records());
+    let meter = monitor.meter(StageId::Weld, source.amount());
     let pass = source.pass();
     let (mut scratch, mut batch, mut corner) = (Scratch::default(), Vec::new(), 0_u64);
     while let Some(taken) = pass.next(&mut scratch)? {

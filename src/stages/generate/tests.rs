@@ -274,7 +274,7 @@ fn every_pass_visits_what_it_announced() {
     let observer = |event: &Event| {
         let mut open = open.lock().unwrap();
         match *event {
-            Event::Started { stage: StageId::Generate, total } => open.push(total.unwrap()),
+            Event::Started { stage: StageId::Generate, total, .. } => open.push(total.unwrap()),
             Event::Finished { stage: StageId::Generate, done } => {
                 assert_eq!(open.pop(), Some(done));
             }

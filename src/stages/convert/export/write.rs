@@ -7,7 +7,7 @@ use std::sync::mpsc;
 use super::{Config, Outcome, output::Output};
 use crate::{
     error::{Error, Result},
-    formats::{self, Batch, Content, Counts, Findings, Format},
+    formats::{self, Batch, Content, Counts, Findings},
     progress::{Monitor, StageId},
     soup::{Column, IndexedMesh, Scratch, Source, Triangle, Triangles, Vertex},
     storage::Workspace,
@@ -37,7 +37,7 @@ pub fn export_mesh<V: Vertex>(
     if counts.triangles == 0 {
         return Err(nothing_left(config));
     }
-    let indexed = matches!(config.format, Format::Ply | Format::Obj);
+    let indexed = config.format.is_indexed();
     let records = counts.triangles + if indexed { counts.vertices } else { 0 };
     let meter = monitor.meter(StageId::Export, Some(records));
     let written = if indexed { counts } else { Counts { vertices: 0, ..counts } };
@@ -68,7 +68,7 @@ pub fn export_soup<V: Vertex>(
     workspace: &Workspace,
     monitor: &Monitor,
 ) -> Result<Outcome> {
-    let meter = monitor.meter(StageId::Export, source.records());
+    let meter = monitor.meter(StageId::Export, source.amount());
     // Polygons may make it more and defects less: only a header that can be mended may begin with
     // it. A format that cannot count so many refuses at once.
     let expected = source.records().filter(|_| config.is_seekable());

@@ -156,7 +156,7 @@ fn pass<V: Vertex, T: Default + Send>(
     make: impl Fn(&Taken<'_, V>, &mut T) + Sync,
     take: impl FnMut(&mut T) -> Result<()>,
 ) -> Result<Findings> {
-    let meter = monitor.meter(StageId::Sort, source.records());
+    let meter = monitor.meter(StageId::Sort, source.amount());
     let findings = for_each_in_order(source, &meter, workspace.budget(), make, take)?;
     meter.finish();
     Ok(findings)
@@ -252,7 +252,7 @@ pub fn measure_order<V: Vertex>(
     monitor: &Monitor,
     is_chosen: impl Fn(&Triangle<V>) -> bool + Sync,
 ) -> Result<(Order, Vec<Triangle<V>>)> {
-    let meter = monitor.meter(StageId::Measure, source.records());
+    let meter = monitor.meter(StageId::Measure, source.amount());
     let mut order = OrderMeter::new(MAXIMA_DEFAULT);
     let look = |taken: &Taken<'_, V>, batch: &mut Measured<V>| {
         batch.minima.fill(taken.triangles, &mut batch.bounds);

@@ -69,7 +69,7 @@ pub(super) fn draw<V: Vertex>(
     let mut next_place = sampling.place(next, surface.area);
     let mut before = 0.0;
     let mut last = None;
-    let meter = monitor.meter(StageId::Sample, surface.source.records());
+    let meter = monitor.meter(StageId::Sample, surface.source.amount());
     for_each_in_order(surface.source, &meter, budget, Measured::fill, |measured| {
         for (corners, area) in measured.corners.iter().zip(&measured.areas) {
             // The sums are those of the survey: the same numbers in the same order.

@@ -81,7 +81,7 @@ fn pass_by<V: Vertex>(
     budget: &Budget,
     monitor: &Monitor,
 ) -> Result<()> {
-    let meter = monitor.meter(StageId::Compare, surface.source.records());
+    let meter = monitor.meter(StageId::Compare, surface.source.amount());
     let pass = surface.source.pass();
     let failed = Mutex::new(Ok(()));
     rayon::scope(|scope| {

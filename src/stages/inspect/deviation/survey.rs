@@ -65,7 +65,7 @@ pub fn survey<'a, V: Vertex>(
     let mut room = budget.reserve_share(0.0, picks_max * size_of::<[f32; 3]>() as u64);
     let mut picker = Picker::new(picks_max as usize);
     let (mut triangles, mut area, mut bounds) = (0, 0.0, Bounds::default());
-    let meter = monitor.meter(StageId::Survey, source.records());
+    let meter = monitor.meter(StageId::Survey, source.amount());
     let findings = for_each_in_order(source, &meter, budget, Measured::fill, |measured| {
         bounds = bounds.union(&measured.bounds);
         // One after the other: a sum of sums would depend on where batches end.

@@ -117,7 +117,7 @@ pub(super) fn farthest_vertex<V: Vertex>(
         }
         Ok(())
     };
-    let meter = monitor.meter(StageId::Sample, from.source.records());
+    let meter = monitor.meter(StageId::Sample, from.source.amount());
     let look = |taken: &Taken<'_, V>, doubtful: &mut Doubtful| {
         doubtful.look(taken, shift, |point, hint| cover.is_within(point, floor, hint));
     };

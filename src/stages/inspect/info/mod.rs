@@ -52,7 +52,7 @@ const TRIANGLES_PER_CHUNK: usize = 1024;
 /// What reading the source fails with, or cancellation.
 pub fn info<V: Vertex>(source: &Source<V>, config: &Config, monitor: &Monitor) -> Result<Outcome> {
     assert!(config.maxima_max >= MAXIMA_MIN, "{config:?}");
-    let meter = monitor.meter(StageId::Info, source.records());
+    let meter = monitor.meter(StageId::Info, source.amount());
     let pass = source.pass();
     let mut measured = Measured {
         triangles: 0,

@@ -216,7 +216,7 @@ pub(super) fn for_each_batch<V: Vertex>(
     (budget, monitor): (&Budget, &Monitor),
     work: impl Fn(&Taken<'_, V>) -> Result<()> + Sync,
 ) -> Result<Findings> {
-    let meter = monitor.meter(stage, source.records());
+    let meter = monitor.meter(stage, source.amount());
     let pass = source.pass();
     let failed = Mutex::new(None);
     let on_a_thread = || -> Result<()> {

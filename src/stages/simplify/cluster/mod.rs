@@ -122,7 +122,7 @@ pub fn accumulate<V: Vertex>(
     let new = |_| SharedTable::new(table_bytes, threads.div_ceil(tables), &serial, workspace);
     let tables: Vec<SharedTable<V>> = (0..tables).map(new).collect();
     let pass = source.pass();
-    let meter = monitor.meter(StageId::Cluster, source.records());
+    let meter = monitor.meter(StageId::Cluster, source.amount());
     let (thread, triangles) = (AtomicUsize::new(0), AtomicU64::new(0));
     let work = || -> Result<CellTable<V>> {
         let shared = &tables[thread.fetch_add(1, Ordering::Relaxed) % tables.len()];

@@ -179,7 +179,9 @@ impl Config {
         faces.min(triangles) * self.face_bytes::<V>()
     }
 
-    fn face_bytes<V: Vertex>(&self) -> u64 {
+    /// Bytes of memory a face takes in a mesh that is decimated.
+    #[must_use]
+    pub fn face_bytes<V: Vertex>(&self) -> u64 {
         match self.metric {
             Metric::Quadric => mesh::face_bytes::<V, ByQuadric>(),
             Metric::Volume => mesh::face_bytes::<V, ByVolume>(),
@@ -278,18 +280,20 @@ fn finish<V: Vertex, M: mesh::Metric>(
 ) -> Result<Outcome<V>> {
     let faces = tree::faces_of(&pieces);
     let degenerate = pieces.iter().map(|piece| piece.extent.degenerate).sum();
-    let meter = monitor.meter(StageId::Finish, Some(faces));
+    // Where only pairs of triangles can go, one more does.
+    let surplus = faces.saturating_sub(triangles_target);
+    let meter = monitor.meter(StageId::Finish, Some(surplus + 1));
     let target = usize::try_from(triangles_target).unwrap_or(usize::MAX);
-    let pieces = rest::decimate(pieces, axis, target);
+    let pieces = rest::decimate(pieces, axis, target, &meter)?;
     monitor.check(StageId::Finish)?;
     let split: u64 = pieces.iter().map(|piece| piece.extent.split).sum();
     let patches = pieces.into_iter().map(|piece| piece.patch).collect();
     let mut mesh = Mesh::of_joined(Patch::join(patches, |_| false));
     let split_vertices = split + mesh.split_vertices() as u64;
     let complex_vertices = mesh.complex_vertices() as u64;
-    mesh::finish(&mut mesh, target);
+    monitor.check(StageId::Finish)?;
+    mesh::finish_metered(&mut mesh, target, &meter)?;
     M::place(&mut mesh);
-    meter.add(faces)?;
     meter.finish();
     let mesh = mesh.into_patch().into_indexed();
     Ok(Outcome { mesh, triangles_target, slabs: 0, degenerate, split_vertices, complex_vertices })

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::piece::Piece;
 use crate::{
-    mesh::{Limit, Mesh, Metric, sweep_blocks},
+    mesh::{Limit, Mesh, Metric, sweep_blocks_while},
+    progress::{Cancelled, Meter},
     soup::SweepAxis,
 };
 
@@ -20,20 +21,22 @@ const GROUPS_MAX: usize = 16;
 /// cost, from all of the mesh; and the threshold is guessed.
 const SURPLUS_SHARE: f64 = 0.75;
 
-/// Brings the pieces, which are in order, together near `faces` faces.
+/// Brings the pieces, which are in order, together near `faces` faces, adding those that go to a
+/// meter.
 pub(super) fn decimate<M: Metric>(
     pieces: Vec<Piece<M>>,
     axis: SweepAxis,
     faces: usize,
-) -> Vec<Piece<M>> {
+    meter: &Meter,
+) -> Result<Vec<Piece<M>>, Cancelled> {
     let left = super::tree::faces_of(&pieces) as usize;
     let surplus = left.saturating_sub(faces);
     if pieces.len() < 2 || surplus == 0 {
-        return pieces;
+        return Ok(pieces);
     }
     let share = surplus as f64 * SURPLUS_SHARE / left as f64;
     let mut costs: Vec<f32> = pieces.iter().flat_map(|piece| &piece.costs).copied().collect();
-    let Some(cost) = at_rank(&mut costs, share) else { return pieces };
+    let Some(cost) = at_rank(&mut costs, share) else { return Ok(pieces) };
     let limit = Limit { cost, share: 0.0, faces: 0 };
     let each = pieces.len().div_ceil(GROUPS_MAX);
     let mut pieces = pieces.into_iter().peekable();
@@ -44,8 +47,12 @@ pub(super) fn decimate<M: Metric>(
     let groups = groups.into_par_iter().map(|group| Piece::join(group, axis));
     let decimated = groups.map(|joined| {
         let mut mesh = Mesh::of_joined(joined.patch);
-        sweep_blocks(&mut mesh, &limit);
-        Piece::of_mesh(mesh, joined.extent, joined.room)
+        let mut added = Ok(());
+        sweep_blocks_while(&mut mesh, &limit, &mut |gone| {
+            added = meter.add(gone as u64);
+            added.is_ok()
+        });
+        added.map(|()| Piece::of_mesh(mesh, joined.extent, joined.room))
     });
     decimated.collect()
 }

@@ -60,16 +60,18 @@ pub fn decimate<V: Vertex, M: mesh::Metric>(
         let available_bytes = workspace.budget().available_bytes();
         return Err(Error::Resource { what: CLUSTERED, needed_bytes, available_bytes });
     };
-    let meter = monitor.meter(StageId::Finish, Some(triangles));
+    let surplus = triangles.saturating_sub(config.triangles_target);
+    // Where only pairs of triangles can go, one more does.
+    let meter = monitor.meter(StageId::Finish, Some(surplus + 1));
     let Clustered { mesh: IndexedMesh { vertices, triangles: faces }, quadrics } = clustered;
     let vertices = into_memory(vertices)?;
     let quadrics = quadrics.map(into_memory).transpose()?;
     let mut mesh = Mesh::<M>::of_indexed(vertices, narrow(faces)?, quadrics);
     let complex_vertices = mesh.complex_vertices() as u64;
     monitor.check(StageId::Finish)?;
-    mesh::finish(&mut mesh, usize::try_from(config.triangles_target).unwrap_or(usize::MAX));
+    let target = usize::try_from(config.triangles_target).unwrap_or(usize::MAX);
+    mesh::finish_metered(&mut mesh, target, &meter)?;
     M::place(&mut mesh);
-    meter.add(triangles)?;
     meter.finish();
     let mesh = mesh.into_patch().into_indexed();
     Ok(Outcome { mesh, triangles_clustered: triangles, complex_vertices })
