@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{
     Mesh, Patch, Quadric, State,
     classify::is_end,
-    metric::{Candidate, Metric},
+    metric::{Candidate, Memory, Metric},
     place::place,
     ring::Wing,
     surface::NONE,
@@ -50,15 +50,11 @@ pub(super) fn boundary_quadric(p: Vec3, end: Vec3, n: Vec3) -> Option<Quadric> {
     (length > 0.0).then(|| Quadric::of_plane(upright, scale))
 }
 
-impl Metric for ByQuadric {
+impl Memory for ByQuadric {
     type Carried = Quadric;
     /// Its value at the vertex is kept beside the position.
     type Held = Quadric;
 
-    /// On an iso-surface of 1 M triangles, a step of 1.6 is 15 % slower and less than 1 % better,
-    /// one of 10 a little faster and 7 % worse.
-    const STEP: f32 = 2.5;
-    const FIRST_SHARE: usize = 4;
     const MOVES_KEPT: bool = false;
 
     fn scan(patch: &mut Patch<Self>) {
@@ -71,14 +67,6 @@ impl Metric for ByQuadric {
                 }
             }
         }
-    }
-
-    fn pass_on(passed_on: &VertexQuadric) -> Quadric {
-        let mut quadric = Quadric::of_parts(passed_on.a, passed_on.b);
-        let [xx, _, _, yy, _, zz] = passed_on.a;
-        // The trace is the sum of the areas, of which each face has added twice this weight.
-        quadric.add_point(2.0 * POINT_WEIGHT * (xx + yy + zz));
-        quadric
     }
 
     fn hold(carried: &Quadric) -> (Quadric, f32) {
@@ -114,6 +102,29 @@ impl Metric for ByQuadric {
     }
 
     #[inline]
+    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate) {
+        let step = best.to - mesh.position(removed);
+        let moved = mesh.quadric(removed).moved(step);
+        mesh.held[best.kept as usize].add_matrix(&moved);
+        mesh.spots[best.kept as usize].0.w += moved.at_vertex();
+    }
+}
+
+impl Metric for ByQuadric {
+    /// On an iso-surface of 1 M triangles, a step of 1.6 is 15 % slower and less than 1 % better,
+    /// one of 10 a little faster and 7 % worse.
+    const STEP: f32 = 2.5;
+    const FIRST_SHARE: usize = 4;
+
+    fn pass_on(passed_on: &VertexQuadric) -> Quadric {
+        let mut quadric = Quadric::of_parts(passed_on.a, passed_on.b);
+        let [xx, _, _, yy, _, zz] = passed_on.a;
+        // The trace is the sum of the areas, of which each face has added twice this weight.
+        quadric.add_point(2.0 * POINT_WEIGHT * (xx + yy + zz));
+        quadric
+    }
+
+    #[inline]
     fn prepare(_: &mut Mesh<Self>, _: u32) {}
 
     #[inline]
@@ -131,14 +142,6 @@ impl Metric for ByQuadric {
         };
         let found = |kept| Candidate { kept, cost: cost.max(0.0), to: mesh.position(kept) };
         (kept != NONE).then(|| found(kept))
-    }
-
-    #[inline]
-    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate) {
-        let step = best.to - mesh.position(removed);
-        let moved = mesh.quadric(removed).moved(step);
-        mesh.held[best.kept as usize].add_matrix(&moved);
-        mesh.spots[best.kept as usize].0.w += moved.at_vertex();
     }
 
     fn place(mesh: &mut Mesh<Self>) {

@@ -10,7 +10,7 @@ use glam::{Vec3, Vec4};
 
 use super::{
     Mesh, Patch, State,
-    metric::{Candidate, Metric},
+    metric::{Candidate, Memory, Metric},
     ring::Wing,
     surface::{NONE, Spot, UNKNOWN},
     sweep::block_start,
@@ -27,21 +27,14 @@ pub struct ByVolume;
 /// neighbours are gone. Chosen by hand; the mean is six.
 const FAN_FACES_MAX: usize = 16;
 
-impl Metric for ByVolume {
+impl Memory for ByVolume {
     type Carried = ();
     type Held = Sums;
-
-    /// On an iso-surface of 1 M triangles, a step of 4 is 8 % slower and half a percent better, one
-    /// of 18 as fast and half a percent worse.
-    const STEP: f32 = 10.0;
-    const FIRST_SHARE: usize = 2;
     const MOVES_KEPT: bool = true;
 
     fn scan(patch: &mut Patch<Self>) {
         patch.carried = vec![(); patch.positions.len()];
     }
-
-    fn pass_on(_: &VertexQuadric) {}
 
     fn hold((): &()) -> (Sums, f32) {
         (Sums::STALE, 0.0)
@@ -52,6 +45,29 @@ impl Metric for ByVolume {
     fn join((): &mut (), (): &()) {}
 
     fn add_boundary(_: &mut Mesh<Self>, _: u32) {}
+
+    #[inline]
+    fn collapsed(mesh: &mut Mesh<Self>, _: u32, best: &Candidate) {
+        mesh.move_to(best.kept, best.to);
+        mesh.held[best.kept as usize] = Sums::STALE;
+        mesh.costs[best.kept as usize] = UNKNOWN;
+        let Mesh { rings, held, costs, .. } = mesh;
+        for wing in rings.of(best.kept) {
+            for other in [wing.next, wing.prev] {
+                held[other as usize] = Sums::STALE;
+                costs[other as usize] = UNKNOWN;
+            }
+        }
+    }
+}
+
+impl Metric for ByVolume {
+    /// On an iso-surface of 1 M triangles, a step of 4 is 8 % slower and half a percent better, one
+    /// of 18 as fast and half a percent worse.
+    const STEP: f32 = 10.0;
+    const FIRST_SHARE: usize = 2;
+
+    fn pass_on(_: &VertexQuadric) {}
 
     #[inline]
     fn prepare(mesh: &mut Mesh<Self>, vertex: u32) {
@@ -77,20 +93,6 @@ impl Metric for ByVolume {
             mesh.cheapest_inside(vertex, ring, except)
         } else {
             volume_boundary::cheapest(mesh, vertex, ring, except)
-        }
-    }
-
-    #[inline]
-    fn collapsed(mesh: &mut Mesh<Self>, _: u32, best: &Candidate) {
-        mesh.move_to(best.kept, best.to);
-        mesh.held[best.kept as usize] = Sums::STALE;
-        mesh.costs[best.kept as usize] = UNKNOWN;
-        let Mesh { rings, held, costs, .. } = mesh;
-        for wing in rings.of(best.kept) {
-            for other in [wing.next, wing.prev] {
-                held[other as usize] = Sums::STALE;
-                costs[other as usize] = UNKNOWN;
-            }
         }
     }
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{
     State,
-    metric::{Candidate, Metric},
+    metric::{Candidate, Memory, Metric},
     ring::Wing,
     surface::{Mesh, NONE},
 };
@@ -53,7 +53,9 @@ impl<M: Metric> Mesh<M> {
         let best = M::cheapest(self, vertex, self.rings.of(vertex), &[]);
         best.map_or(f32::INFINITY, |best| best.cost)
     }
+}
 
+impl<M: Memory> Mesh<M> {
     /// Whether collapsing `removed`, whose ring is given, into `kept` keeps the surface what it
     /// is: the link condition, no face turned over `[WK03 §4.3]`.
     pub(super) fn is_legal(&self, removed: u32, best: &Candidate, ring: &[Wing]) -> bool {

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::{
-    Color, Mesh, Metric, Patch,
+    Color, Memory, Mesh, Metric, Patch,
     patch::unit_of_lengths,
     split::{complex, drop_lone_pairs, restore_copies, split_fans},
 };
@@ -132,7 +132,7 @@ fn colors_by_area<V: Vertex>(vertices: &[V], positions: &[Vec3], faces: &[[u32; 
     colors
 }
 
-impl<M: Metric> Patch<M> {
+impl<M: Memory> Patch<M> {
     /// Takes it as a finished mesh.
     #[must_use]
     pub fn into_indexed<V: Vertex>(self) -> IndexedMesh<V> {

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{Mesh, Patch, ring::Wing};
+use super::{Hung, Mesh, Patch, ring::Wing};
 use crate::soup::VertexQuadric;
 
 /// A collapse of an edge: one end is removed, the other kept.
@@ -19,39 +19,50 @@ pub struct Candidate {
     pub to: Vec3,
 }
 
-/// A metric: which collapse of a vertex is the cheapest, and what remains of the vertex.
-pub trait Metric: Sized + Send + Sync + 'static {
+/// What the vertices of a mesh remember, and pass on when they are collapsed.
+pub trait Memory: Sized + Send + Sync + 'static {
     /// What a vertex carries from one mesh to the next.
     type Carried: Copy + Default + Send;
     /// What a vertex holds while its mesh is decimated.
     type Held: Copy + Default + Send;
 
-    /// The threshold of costs rises by this factor from sweep to sweep.
-    const STEP: f32;
-    /// The first threshold of a block is above the costs of one in so many of its vertices.
-    const FIRST_SHARE: usize;
     /// Whether kept vertices move, so that the faces around them must be looked at, too.
     const MOVES_KEPT: bool;
+    /// Whether a kept vertex gets the mean colour of what it stands for, not its own.
+    const AVERAGES_COLORS: bool = true;
 
     /// Fills in what the vertices of a surface carry as it was scanned.
     fn scan(patch: &mut Patch<Self>);
-    /// What a vertex carries that stands for a piece of the surface as it was scanned.
-    fn pass_on(quadric: &VertexQuadric) -> Self::Carried;
     /// What a vertex holds of what it carried, and what its neighbours see of that.
     fn hold(carried: &Self::Carried) -> (Self::Held, f32);
+    /// Takes over vertices that have been removed, from another mesh.
+    fn hang(_: &mut Mesh<Self>, hung: &[Hung]) {
+        debug_assert!(hung.is_empty(), "what is removed is forgotten");
+    }
     /// What a vertex carries on.
     fn carry(mesh: &Mesh<Self>, vertex: u32) -> Self::Carried;
     /// Adds what the same vertex carries from another patch.
     fn join(sum: &mut Self::Carried, other: &Self::Carried);
     /// Takes note that a vertex is on a boundary.
     fn add_boundary(mesh: &mut Mesh<Self>, vertex: u32);
+    /// Passes on what a vertex holds, after it has been collapsed and is in no ring.
+    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate);
+}
+
+/// A metric: which collapse of a vertex is the cheapest, and where what is left lies best.
+pub trait Metric: Memory {
+    /// The threshold of costs rises by this factor from sweep to sweep.
+    const STEP: f32;
+    /// The first threshold of a block is above the costs of one in so many of its vertices.
+    const FIRST_SHARE: usize;
+
+    /// What a vertex carries that stands for a piece of the surface as it was scanned.
+    fn pass_on(quadric: &VertexQuadric) -> Self::Carried;
     /// Computes what [`Self::cheapest`] of a vertex will look at.
     fn prepare(mesh: &mut Mesh<Self>, vertex: u32);
     /// The cheapest collapse that removes `vertex`, legal or not, except into some neighbours.
     fn cheapest(mesh: &Mesh<Self>, vertex: u32, ring: &[Wing], except: &[u32])
     -> Option<Candidate>;
-    /// Passes on what a vertex holds, after it has been collapsed and is in no ring.
-    fn collapsed(mesh: &mut Mesh<Self>, removed: u32, best: &Candidate);
     /// Moves the vertices to their final places.
     fn place(mesh: &mut Mesh<Self>);
 }

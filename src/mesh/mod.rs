@@ -4,6 +4,7 @@
 //! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
 //! What a collapse costs is the matter of a [`Metric`].
 
+mod bounded;
 mod by_quadric;
 mod by_volume;
 mod choice;
@@ -29,12 +30,16 @@ mod volume_tests;
 mod weld;
 mod window;
 
+pub use bounded::{
+    Bound, ByDeviation, Fairing, Settled, Shape, Sides, Smooth, Update, decimate_bounded,
+    decimate_to_count,
+};
 pub use by_quadric::ByQuadric;
 pub use by_volume::ByVolume;
 pub use choice::{Choice, Decimated};
 pub use finish::{Finished, approach, finish, finish_metered};
-pub use metric::Metric;
-pub use patch::{Patch, unit_of};
+pub use metric::{Memory, Metric};
+pub use patch::{Hung, Patch, unit_of};
 pub use position_index::PositionIndex;
 pub use quadric::Quadric;
 pub use release::{Released, release, release_all};

@@ -5,14 +5,14 @@ use hashbrown::HashMap;
 
 use super::{
     Color,
-    metric::Metric,
+    metric::Memory,
     split::{complex, split_fans},
 };
 use crate::soup::{Triangle, Vertex};
 
 /// A piece of surface on its way between meshes: what of it is decided, and what is not.
 #[derive(Clone, Debug)]
-pub struct Patch<M: Metric> {
+pub struct Patch<M: Memory> {
     /// Positions by vertex.
     pub positions: Vec<Vec3>,
     /// What the metric remembers, by vertex; empty until it is scanned.
@@ -24,14 +24,28 @@ pub struct Patch<M: Metric> {
     /// Vertices that were shared until the patches were joined: nobody has seen yet whether they
     /// are on a boundary.
     pub joined: Vec<u32>,
-    /// Faces; every vertex has one.
+    /// Vertices that no collapse may remove any more: faces of theirs are finished, and elsewhere.
+    /// Increasing; none of them is shared.
+    pub settled: Vec<u32>,
+    /// Faces; every vertex has one, or is hung at one.
     pub faces: Vec<[u32; 3]>,
+    /// Vertices that have been removed, and are not forgotten.
+    pub hung: Vec<Hung>,
     /// A power of two that makes edges about one long: what costs are in units of. The same for
     /// all patches of a surface.
     pub unit: f32,
 }
 
-impl<M: Metric> Default for Patch<M> {
+/// A vertex that has been removed, and the face that is near it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hung {
+    /// The vertex; it has no faces.
+    pub vertex: u32,
+    /// The corners of a face, counter-clockwise from any of them.
+    pub face: [u32; 3],
+}
+
+impl<M: Memory> Default for Patch<M> {
     fn default() -> Self {
         Self {
             positions: Vec::new(),
@@ -39,7 +53,9 @@ impl<M: Metric> Default for Patch<M> {
             colors: Vec::new(),
             shared: Vec::new(),
             joined: Vec::new(),
+            settled: Vec::new(),
             faces: Vec::new(),
+            hung: Vec::new(),
             unit: 1.0,
         }
     }
@@ -63,7 +79,7 @@ pub(super) fn unit_of_lengths(edges: impl ExactSizeIterator<Item = f64>) -> f32 
     if unit.is_normal() { unit } else { 1.0 }
 }
 
-impl<M: Metric> Patch<M> {
+impl<M: Memory> Patch<M> {
     /// Joins patches to one: vertices that several share, found by their exact positions, become
     /// one with the sum of what they carry and of their colours. Those that `is_shared` holds for by
     /// position have faces in still other patches, and stay shared.
@@ -75,6 +91,7 @@ impl<M: Metric> Patch<M> {
         for patch in patches {
             old_to_new.clear();
             let mut shared = patch.shared.iter().peekable();
+            let mut settled = patch.settled.iter().peekable();
             for (index, position) in patch.positions.iter().enumerate() {
                 let new = whole.positions.len() as u32;
                 if shared.next_if(|vertex| **vertex == index as u32).is_some() {
@@ -88,6 +105,9 @@ impl<M: Metric> Patch<M> {
                     let is_shared = is_shared(position.to_array());
                     if is_shared { &mut whole.shared } else { &mut whole.joined }.push(new);
                 }
+                if settled.next_if(|vertex| **vertex == index as u32).is_some() {
+                    whole.settled.push(new);
+                }
                 old_to_new.push(new);
                 whole.positions.push(*position);
                 whole.carried.push(patch.carried[index]);
@@ -95,6 +115,11 @@ impl<M: Metric> Patch<M> {
             }
             let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
             whole.faces.extend(patch.faces.iter().map(renumber));
+            let hung = patch.hung.iter().map(|hung| Hung {
+                vertex: old_to_new[hung.vertex as usize],
+                face: renumber(&hung.face),
+            });
+            whole.hung.extend(hung);
         }
         whole
     }
@@ -104,8 +129,11 @@ impl<M: Metric> Patch<M> {
     /// adds.
     pub(super) fn split(&mut self) -> usize {
         let mut is_complex = complex(self.positions.len(), &self.faces);
-        self.shared.iter().for_each(|vertex| is_complex[*vertex as usize] = false);
+        let elsewhere = self.shared.iter().chain(&self.settled);
+        elsewhere.for_each(|vertex| is_complex[*vertex as usize] = false);
+        let before = if self.hung.is_empty() { Vec::new() } else { self.faces.clone() };
         let added = split_fans(&self.positions, &mut self.faces, &is_complex);
+        self.hang_again(&before);
         for source in &added {
             let source = *source as usize;
             self.positions.push(self.positions[source]);
@@ -113,6 +141,35 @@ impl<M: Metric> Patch<M> {
             self.colors.extend(self.colors.get(source).copied());
         }
         added.len()
+    }
+
+    /// Hangs vertices at the faces that have become of theirs, given as they were.
+    fn hang_again(&mut self, before: &[[u32; 3]]) {
+        let changed = before.iter().zip(&self.faces).filter(|(before, after)| before != after);
+        let after: HashMap<[u32; 3], [u32; 3]> = changed
+            .map(|(before, after)| {
+                let turn = turn_of(before);
+                let mut after = *after;
+                after.rotate_left(turn);
+                (turned(before, turn), after)
+            })
+            .collect();
+        if after.is_empty() {
+            return;
+        }
+        for hung in &mut self.hung {
+            let face = turned(&hung.face, turn_of(&hung.face));
+            hung.face = after.get(&face).copied().unwrap_or(hung.face);
+        }
+    }
+
+    /// The places of vertices without any face.
+    #[must_use]
+    pub fn loose(&self) -> Vec<Vec3> {
+        let mut has_face = vec![false; self.positions.len()];
+        self.faces.iter().flatten().for_each(|vertex| has_face[*vertex as usize] = true);
+        let all = self.positions.iter().zip(has_face);
+        all.filter(|(_, has_face)| !has_face).map(|(position, _)| *position).collect()
     }
 
     /// Bytes of memory it takes.
@@ -123,6 +180,8 @@ impl<M: Metric> Patch<M> {
             + size_of_val(&self.colors[..])
             + size_of_val(&self.faces[..])
             + size_of_val(&self.shared[..])
+            + size_of_val(&self.settled[..])
+            + size_of_val(&self.hung[..])
     }
 
     fn with_room_for(patches: &[Self]) -> Self {
@@ -132,6 +191,7 @@ impl<M: Metric> Patch<M> {
             carried: Vec::with_capacity(sum(|patch| patch.carried.len())),
             colors: Vec::with_capacity(sum(|patch| patch.colors.len())),
             faces: Vec::with_capacity(sum(|patch| patch.faces.len())),
+            hung: Vec::with_capacity(sum(|patch| patch.hung.len())),
             unit: patches.first().map_or(1.0, |patch| patch.unit),
             ..Self::default()
         }
@@ -144,6 +204,17 @@ impl<M: Metric> Patch<M> {
             self.colors[vertex as usize].add(color);
         }
     }
+}
+
+/// By how many places a face is turned to begin with its lowest corner.
+fn turn_of(face: &[u32; 3]) -> usize {
+    (0..3).min_by_key(|place| face[*place]).unwrap_or(0)
+}
+
+fn turned(face: &[u32; 3], turn: usize) -> [u32; 3] {
+    let mut face = *face;
+    face.rotate_left(turn);
+    face
 }
 
 #[cfg(test)]

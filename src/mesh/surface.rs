@@ -6,7 +6,7 @@ use super::{
     Patch,
     classify::{classify, is_end},
     collapse::apexes,
-    metric::{Candidate, Metric},
+    metric::{Candidate, Memory},
     ring::{Rings, Wing},
 };
 use crate::soup::Vertex;
@@ -32,6 +32,8 @@ impl State {
     pub(super) const OPEN: Self = Self(8);
     /// Of a frozen vertex: it is listed among those that may have a face to write.
     pub(super) const LISTED: Self = Self(16);
+    /// Of a frozen vertex: its faces that are not here are finished.
+    pub const SETTLED: Self = Self(32);
 
     /// Whether all of `other` holds.
     #[inline]
@@ -109,7 +111,7 @@ impl Color {
 /// Bytes of memory a face takes, about, while a mesh is made of a patch: with half a vertex, since
 /// a surface has twice as many faces as vertices.
 #[must_use]
-pub fn face_bytes<V: Vertex, M: Metric>() -> u64 {
+pub fn face_bytes<V: Vertex, M: Memory>() -> u64 {
     let color = if V::COLORED { size_of::<Color>() } else { 0 };
     let patch = size_of::<Vec3>() + size_of::<M::Carried>() + 2 * size_of::<[u32; 3]>();
     let mesh = size_of::<Spot>() + size_of::<M::Held>() + size_of::<State>() + size_of::<f32>();
@@ -117,7 +119,7 @@ pub fn face_bytes<V: Vertex, M: Metric>() -> u64 {
 }
 
 /// A triangle mesh that edges can be collapsed in. All arrays are by vertex.
-pub struct Mesh<M: Metric> {
+pub struct Mesh<M: Memory> {
     pub(super) spots: Vec<Spot>,
     pub(super) rings: Rings,
     pub(super) held: Vec<M::Held>,
@@ -136,7 +138,7 @@ pub struct Mesh<M: Metric> {
     pub(super) split: usize,
 }
 
-impl<M: Metric> Mesh<M> {
+impl<M: Memory> Mesh<M> {
     /// A mesh of nothing, to be added to.
     pub(super) fn empty() -> Self {
         Self {
@@ -215,7 +217,8 @@ impl<M: Metric> Mesh<M> {
     /// Makes a mesh of patches that have been decimated: they say what is remembered.
     #[must_use]
     pub fn of_decimated(patch: Patch<M>) -> Self {
-        let Patch { positions, carried, colors, shared, joined, faces, unit } = patch;
+        let Patch { positions, carried, colors, shared, joined, settled, faces, hung, unit } =
+            patch;
         let vertices = positions.len();
         let (rings, refused) = Rings::of_faces(vertices, &faces);
         let faces_left = faces.len() - refused;
@@ -226,15 +229,22 @@ impl<M: Metric> Mesh<M> {
         };
         let (spots, held) = positions.iter().zip(&carried).map(hold).unzip();
         drop(carried);
-        let mut states: Vec<State> =
-            (0..vertices as u32).map(|vertex| classify(rings.of(vertex))).collect();
+        let state = |vertex: u32| match rings.of(vertex) {
+            [] => State::default(),
+            ring => classify(ring),
+        };
+        let mut states: Vec<State> = (0..vertices as u32).map(state).collect();
         for vertex in shared {
             states[vertex as usize] = states[vertex as usize].frozen();
+        }
+        for vertex in settled {
+            states[vertex as usize] = states[vertex as usize].frozen().with(State::SETTLED);
         }
         let costs = vec![UNKNOWN; vertices];
         let mut mesh =
             Self { spots, rings, held, states, costs, colors, faces_left, unit, split: 0 };
         mesh.add_boundaries(joined.into_iter());
+        M::hang(&mut mesh, &hung);
         mesh
     }
 
@@ -323,7 +333,7 @@ impl<M: Metric> Mesh<M> {
         }
         let gone = self.rings.unite(removed, kept, ring);
         M::collapsed(self, removed, best);
-        if !self.colors.is_empty() {
+        if M::AVERAGES_COLORS && !self.colors.is_empty() {
             let color = self.colors[removed as usize];
             self.colors[kept as usize].add(&color);
         }

@@ -6,11 +6,11 @@
 
 use glam::{Vec3, Vec3A};
 
-use super::{Color, Metric, Patch, curve::Curve, surface::NONE};
+use super::{Color, Memory, Patch, curve::Curve, surface::NONE};
 use crate::soup::{Triangle, Vertex};
 
 /// What welding gives.
-pub struct Welded<M: Metric> {
+pub struct Welded<M: Memory> {
     /// The surface, with nothing remembered; no vertex is shared yet.
     pub patch: Patch<M>,
     /// Triangles left out because two of their corners are one vertex.
@@ -24,7 +24,7 @@ const AHEAD: usize = 16;
 
 /// Welds triangles by exact position (−0 is +0).
 #[must_use]
-pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
+pub fn weld<V: Vertex, M: Memory>(triangles: &[Triangle<V>]) -> Welded<M> {
     let place = |corner: &V| Vec3A::from_array(corner.position());
     let curve = Curve::around(triangles.iter().flat_map(|triangle| &triangle.0).map(place));
     let cells = triangles.iter().map(|t| t.0.map(|corner| curve.cell(place(&corner))));
@@ -60,7 +60,7 @@ pub fn weld<V: Vertex, M: Metric>(triangles: &[Triangle<V>]) -> Welded<M> {
     Welded { patch, degenerate, table }
 }
 
-impl<M: Metric> Welded<M> {
+impl<M: Memory> Welded<M> {
     /// The surface.
     #[must_use]
     pub fn into_patch(self) -> Patch<M> {

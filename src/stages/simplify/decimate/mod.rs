@@ -8,7 +8,6 @@
 //! and so are no longer there.
 
 mod blobs;
-mod cutter;
 mod piece;
 mod rest;
 mod slab;
@@ -19,7 +18,6 @@ mod tree;
 mod work;
 
 pub use blobs::Blobs;
-use cutter::{Cutter, Slab};
 use piece::Piece;
 pub use threshold::{Threshold, threshold};
 use work::{REST, Work, busy_bytes, slabs_under_way};
@@ -28,7 +26,7 @@ use crate::{
     error::{Error, Result},
     mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch},
     progress::{Monitor, StageId},
-    soup::{IndexedMesh, SweepAxis, Triangle, Vertex},
+    soup::{Cutter, IndexedMesh, Slab, SweepAxis, Triangle, Vertex},
     storage::Workspace,
 };
 

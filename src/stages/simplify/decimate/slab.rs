@@ -1,12 +1,9 @@
 //! One slab: from triangles to what is left of them.
 
-use super::{
-    cutter::Slab,
-    piece::{Extent, Piece},
-};
+use super::piece::{Extent, Piece};
 use crate::{
     mesh::{Limit, Mesh, Metric, sweep_blocks, weld},
-    soup::{SweepAxis, SweepPlace, Vertex},
+    soup::{Slab, SweepAxis, SweepPlace, Vertex},
     storage::Reservation,
 };
 

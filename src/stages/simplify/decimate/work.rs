@@ -10,7 +10,6 @@ use std::{
 
 use super::{
     Config,
-    cutter::Slab,
     piece::{Extent, Piece},
     slab,
     tree::{Tree, faces_of},
@@ -19,7 +18,7 @@ use crate::{
     error::{Error, Result},
     mesh::{self, Mesh},
     progress::Meter,
-    soup::Vertex,
+    soup::{Slab, Vertex},
     storage::{Budget, Reservation},
 };
 

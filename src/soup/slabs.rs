@@ -1,17 +1,18 @@
 //! Cuts a sorted stream into slabs, and keeps the front: the vertices between them.
 
-use crate::soup::{SweepAxis, SweepPlace, Triangle, Vertex};
+use super::{SweepAxis, SweepPlace, Triangle, Vertex};
 
 /// A stretch of the stream.
-pub(super) struct Slab<V> {
+pub struct Slab<V> {
     /// Counts the slabs.
-    pub(super) index: u64,
-    pub(super) triangles: Vec<Triangle<V>>,
+    pub index: u64,
+    /// In the order of the stream.
+    pub triangles: Vec<Triangle<V>>,
     /// Vertices that earlier slabs have and this one may have, in order.
-    pub(super) front: Vec<[f32; 3]>,
+    pub front: Vec<[f32; 3]>,
     /// Place of the first triangle of the next slab: vertices that are not before it may have
     /// faces there. `None` for the last slab.
-    pub(super) until: Option<SweepPlace>,
+    pub until: Option<SweepPlace>,
 }
 
 /// A slab has so many triangles for each vertex of the front it begins with: few of its vertices
@@ -19,7 +20,7 @@ pub(super) struct Slab<V> {
 const TRIANGLES_PER_FRONT: usize = 32;
 
 /// Takes triangles in the order of their places, and cuts them into slabs.
-pub(super) struct Cutter<V> {
+pub struct Cutter<V> {
     axis: SweepAxis,
     /// Triangles of a slab, at least.
     slab_triangles_min: usize,
@@ -31,7 +32,9 @@ pub(super) struct Cutter<V> {
 }
 
 impl<V: Vertex> Cutter<V> {
-    pub(super) fn new(axis: SweepAxis, slab_triangles_min: usize) -> Self {
+    /// Cuts a stream along `axis` into slabs of so many triangles at least.
+    #[must_use]
+    pub fn new(axis: SweepAxis, slab_triangles_min: usize) -> Self {
         assert!(slab_triangles_min > 0, "a slab holds something");
         let slab_triangles = slab_triangles_min;
         Self {
@@ -45,7 +48,10 @@ impl<V: Vertex> Cutter<V> {
     }
 
     /// Adds triangles; whole slabs are passed to `start`.
-    pub(super) fn push<E>(
+    ///
+    /// # Errors
+    /// What `start` returns.
+    pub fn push<E>(
         &mut self,
         mut triangles: &[Triangle<V>],
         start: &mut impl FnMut(Slab<V>) -> Result<(), E>,
@@ -85,7 +91,8 @@ impl<V: Vertex> Cutter<V> {
     }
 
     /// The last slab, if anything is left.
-    pub(super) fn finish(self) -> Option<Slab<V>> {
+    #[must_use]
+    pub fn finish(self) -> Option<Slab<V>> {
         let Self { slabs: index, triangles, front, .. } = self;
         (!triangles.is_empty()).then_some(Slab { index, triangles, front, until: None })
     }
