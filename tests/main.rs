@@ -3,6 +3,8 @@
 //! `cfg(test)` is always true here; it tells clippy that these modules are tests throughout.
 
 #[cfg(test)]
+mod bounded;
+#[cfg(test)]
 mod cli;
 #[cfg(test)]
 mod cluster;

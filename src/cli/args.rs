@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use meshmill::formats::Format;
+use meshmill::{formats::Format, pipeline::MaxError};
 
 use super::{
+    bound::Keep,
     display::Style,
     render::{ComparePicture, Render},
     values,
@@ -26,6 +27,7 @@ const EXAMPLES: &str = "\
 Examples:
   meshmill simplify scan.ply -o small.ply --ratio 1% --memory 4GiB
   meshmill simplify scan.stl -o small.ply -t 500k
+  meshmill simplify scan.ply -o close.ply --max-error 0.05%
   meshmill generate gyroid --triangles 1G -o - --output-format soup |
     meshmill simplify - --input-format soup --assume-sorted z --ratio 1% -o small.stl
   meshmill soup scan.ply -o scan.stl
@@ -41,7 +43,7 @@ Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Fewer triangles: to a count, a ratio or a cell size
+    /// Fewer triangles: to a count, a ratio, an error or a cell size
     Simplify(Simplify),
     /// Indexed mesh to triangle soup (.stl or .soup), triangle order kept
     Soup(Convert),
@@ -78,6 +80,9 @@ pub(super) struct Simplify {
     #[command(flatten)]
     pub(super) choosing: Choosing,
 
+    #[command(flatten)]
+    pub(super) keep: Keep,
+
     /// Clustering: weight of edges against faces in placing a vertex, 0 to 1; 0 lets boundaries
     /// shrink
     #[arg(long, value_name = "W", value_parser = values::share, default_value = "0.5")]
@@ -101,30 +106,35 @@ pub(super) struct Simplify {
     pub(super) strict: bool,
 }
 
-/// How far to simplify; one of them.
+/// How far to simplify: one of them, or an error bound together with a count or a ratio.
 #[derive(Debug, Args)]
-#[group(required = true, multiple = false)]
+#[group(required = true, multiple = true)]
 pub(super) struct Goal {
     /// Share of the triangles to keep: 0.01 or 1%
-    #[arg(long, value_name = "R", value_parser = values::ratio)]
+    #[arg(long, value_name = "R", value_parser = values::ratio, conflicts_with_all = ["target_faces", "cells", "cell_size"])]
     pub(super) ratio: Option<f64>,
 
     /// Triangles to keep: 500k, 2M; clustering meets them within 25 %
-    #[arg(short, long, value_name = "N", value_parser = values::count)]
+    #[arg(short, long, value_name = "N", value_parser = values::count, conflicts_with_all = ["cells", "cell_size"])]
     pub(super) target_faces: Option<u64>,
 
     /// Cubic cells, N along the longest side of the bounding box
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2_097_152))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2_097_152), conflicts_with = "cell_size")]
     pub(super) cells: Option<u32>,
 
     /// Cubic cells with this edge, in model units
     #[arg(long, value_name = "L", value_parser = values::length)]
     pub(super) cell_size: Option<f64>,
+
+    /// As few triangles as leave every vertex of the input within this of the result: 0.2 in model
+    /// units, or 0.05% of the diagonal of the bounding box. With -t or --ratio: whichever comes first
+    #[arg(long, value_name = "E", value_parser = values::max_error, conflicts_with_all = ["cells", "cell_size"])]
+    pub(super) max_error: Option<MaxError>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Method {
-    /// Clustering where the goal is given in cells; otherwise stream if --memory holds what that
+    /// Bounded with --max-error, clustering where the goal is in cells; otherwise stream if --memory holds what that
     /// needs, else hybrid
     Auto,
     /// Edge collapses: exact counts, the best fidelity, topology kept
@@ -134,6 +144,9 @@ pub(super) enum Method {
     /// Clustering to a few times the goal, then edge collapses: exact counts in memory for a few
     /// times the result
     Hybrid,
+    /// Edge collapses within an error: what --max-error means. With -t or --ratio alone the error is
+    /// raised until the count is met, with all of the mesh in memory
+    Bounded,
 }
 
 /// How decimation chooses edges.

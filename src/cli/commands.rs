@@ -175,6 +175,9 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
         report.seconds,
         bytesize::ByteSize(report.peak_memory_bytes),
     );
+    if let Some(bounded) = &report.bounded {
+        line.extend(["\n", &figures::bound(bounded)]);
+    }
     if let Some(deviation) = &report.deviation {
         line.extend(["\n", &figures::deviation(deviation)]);
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use meshmill::pipeline::{CompareReport, DefectReport, SortReport};
+use meshmill::pipeline::{BoundedReport, CompareReport, DefectReport, SortReport};
 
 use super::passes::Figures;
 
@@ -57,6 +57,13 @@ pub(super) fn deviation(report: &CompareReport) -> String {
     )
 }
 
+/// What holds of a result under an error bound.
+pub(super) fn bound(report: &BoundedReport) -> String {
+    let share = report.max_error_share.map(|of| format!(" ({} of the diagonal)", share(of)));
+    let max_error = length(report.max_error);
+    format!("every vertex of the input lies within {max_error}{}", share.unwrap_or_default())
+}
+
 /// A length in five digits.
 pub(super) fn length(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { format!("{value:.4e}") }
@@ -76,6 +83,7 @@ pub(super) fn shortfall(stopped_by: Option<&str>) -> &'static str {
         Some("topology") => {
             "the wanted count was not met: no collapse is left that keeps the surface what it is"
         }
+        Some("error") => "the wanted count was not met: the error bound came first",
         Some("parity") => "one triangle fewer than asked for: here two go at a time",
         Some("window") => {
             "the wanted count was not met: triangles had to leave the window before they were \

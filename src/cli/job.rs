@@ -13,8 +13,8 @@ use meshmill::{
 };
 
 use super::args::{
-    Axis, Choosing, Compare, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect,
-    Output, Placement, Selection, Simplify, Sort, SortedAxis,
+    Axis, Compare, Convert, Goal, Info, Inputs, Machine, Method, Metric, OnDefect, Output,
+    Placement, Selection, Simplify, Sort, SortedAxis,
 };
 
 /// What the machine offers.
@@ -49,6 +49,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         Method::Stream => pipeline::Method::Stream,
         Method::Cluster => pipeline::Method::Cluster,
         Method::Hybrid => pipeline::Method::Hybrid,
+        Method::Bounded => pipeline::Method::Bounded,
     };
     let metric = match args.metric {
         Metric::Quadric => pipeline::Metric::Quadric,
@@ -58,7 +59,7 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         goal: goal(&args.goal),
         method,
         metric,
-        selection: selection(&args.choosing),
+        selection: selection(args),
         choices: args.choosing.choices,
         seed: args.choosing.seed,
         assume_sorted: args.choosing.assume_sorted.map(|axis| match axis {
@@ -69,13 +70,16 @@ pub(super) fn simplify(args: &Simplify, host: &Host) -> Result<Job> {
         boundary_weight: args.boundary_weight,
         placement,
         measure: args.measure.then_some(args.samples),
+        keep: args.keep.meaning(args.goal.max_error),
     };
     convert(&args.convert, Task::Simplify(simplify), host)
 }
 
 /// How edges are chosen. A stream may be endless, and only a window holds it in any memory.
-fn selection(choosing: &Choosing) -> pipeline::Selection {
-    match (choosing.selection, choosing.assume_sorted) {
+fn selection(args: &Simplify) -> pipeline::Selection {
+    let is_bounded = args.goal.max_error.is_some() || args.method == Method::Bounded;
+    let promised = args.choosing.assume_sorted.filter(|_| !is_bounded);
+    match (args.choosing.selection, promised) {
         (Some(Selection::Threshold), _) | (None, None) => pipeline::Selection::Threshold,
         (Some(Selection::MultipleChoice), _) | (None, Some(_)) => {
             pipeline::Selection::MultipleChoice
@@ -100,7 +104,7 @@ fn goal(args: &Goal) -> pipeline::Goal {
         (_, Some(count), ..) => pipeline::Goal::Triangles(count),
         (_, _, Some(cells), _) => pipeline::Goal::Cells(cells),
         (.., Some(size)) => pipeline::Goal::CellSize(size),
-        (None, None, None, None) => unreachable!("clap wants one of them"),
+        (None, None, None, None) => pipeline::Goal::Tolerance,
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod args;
 mod bars;
+mod bound;
 mod commands;
 mod compare;
 mod display;

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use meshmill::pipeline::MaxError;
+
 /// A count with an optional decimal multiple: `500k`, `2M`, `1.5G`, `100000`.
 pub(super) fn count(text: &str) -> Result<u64, String> {
     let (digits, factor) = match text.trim().as_bytes().last().map(u8::to_ascii_lowercase) {
@@ -47,6 +49,34 @@ pub(super) fn length(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "a length is a number above 0, in model units".to_owned())
 }
 
+/// How far a result may be from its input: a length, 0 or above, or a share of the diagonal.
+pub(super) fn max_error(text: &str) -> Result<MaxError, String> {
+    let (digits, is_share) = match text.trim().strip_suffix('%') {
+        Some(digits) => (digits, true),
+        None => (text.trim(), false),
+    };
+    let value = digits.trim().parse::<f64>().ok();
+    let value = value.filter(|value| *value >= 0.0 && value.is_finite());
+    let error =
+        |value| if is_share { MaxError::Share(0.01 * value) } else { MaxError::Length(value) };
+    value.map(error).ok_or_else(|| {
+        "an error bound is 0 or above, in model units or as a share of the diagonal: 0.2 or 0.05%"
+            .to_owned()
+    })
+}
+
+/// Longest edge over inner radius of a triangle.
+pub(super) fn roundness(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| *value >= 3.0);
+    value.ok_or_else(|| "longest edge over inner radius is 3.46 at least".to_owned())
+}
+
+/// An angle in degrees.
+pub(super) fn angle(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| (0.0..=180.0).contains(value));
+    value.ok_or_else(|| "an angle lies between 0 and 180 degrees".to_owned())
+}
+
 /// A share between 0 and 1.
 pub(super) fn share(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| (0.0..=1.0).contains(value));
@@ -74,6 +104,16 @@ mod tests {
         assert_eq!(ratio("0.25"), Ok(0.25));
         for wrong in ["0", "101%", "1.1", "-1%", "NaN", "%"] {
             assert!(ratio(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn an_error_bound_is_a_length_or_a_share() {
+        assert_eq!(max_error("0.2"), Ok(MaxError::Length(0.2)));
+        assert_eq!(max_error("0"), Ok(MaxError::Length(0.0)));
+        assert_eq!(max_error("50 %"), Ok(MaxError::Share(0.5)));
+        for wrong in ["", "-1", "NaN", "inf", "-0.1%", "1mm", "%"] {
+            assert!(max_error(wrong).is_err(), "{wrong}");
         }
     }
 

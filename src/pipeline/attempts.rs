@@ -232,7 +232,9 @@ impl Run<'_> {
             (None, None) => match goal {
                 Goal::CellSize(size) => (Grid::with_cell_size(bounds, size), None),
                 Goal::Cells(cells) => (Grid::with_cells(bounds, cells), None),
-                Goal::Triangles(_) | Goal::Ratio(_) => unreachable!("these want a count"),
+                Goal::Triangles(_) | Goal::Ratio(_) | Goal::Tolerance => {
+                    unreachable!("these want a count, or no cells")
+                }
             },
         };
         let grid = grid.ok_or_else(|| {

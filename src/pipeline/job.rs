@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::Keep;
 use crate::{
     formats::{Compression, Format, OnDefect},
     geometry::Placement,
@@ -76,6 +77,8 @@ pub struct Simplify {
     pub boundary_weight: f64,
     /// Clustering: where representatives may lie in their cells.
     pub placement: Placement,
+    /// Decimation under an error bound: what it keeps to.
+    pub keep: Keep,
     /// Measure how far the result is from the inputs, by so many samples on each.
     pub measure: Option<u64>,
 }
@@ -83,7 +86,7 @@ pub struct Simplify {
 /// How triangles become fewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Clustering for a goal in cells; otherwise edge collapses on the sorted stream if they fit
+    /// Bounded where there is an error bound, clustering for a goal in cells; otherwise edge collapses on the sorted stream if they fit
     /// the memory, and if not, hybrid.
     Auto,
     /// Edge collapses on the sorted stream: exact counts, the best fidelity, topology kept.
@@ -92,6 +95,8 @@ pub enum Method {
     Cluster,
     /// Clustering to a few times the goal, then edge collapses on what that leaves.
     Hybrid,
+    /// Edge collapses that leave no vertex of the input farther away than a tolerance.
+    Bounded,
 }
 
 impl Method {
@@ -103,6 +108,7 @@ impl Method {
             Self::Stream => "stream",
             Self::Cluster => "cluster",
             Self::Hybrid => "hybrid",
+            Self::Bounded => "bounded",
         }
     }
 }
@@ -120,7 +126,18 @@ impl Simplify {
     /// Whether this is done in a single pass on a window.
     #[must_use]
     pub fn is_streaming(&self) -> bool {
-        self.selection == Selection::MultipleChoice && !self.begins_with_cells()
+        self.selection == Selection::MultipleChoice
+            && !self.begins_with_cells()
+            && !self.is_bounded()
+    }
+
+    /// Whether an error bound is kept to.
+    #[must_use]
+    pub fn is_bounded(&self) -> bool {
+        match self.method {
+            Method::Auto => self.keep.max_error.is_some(),
+            method => method == Method::Bounded,
+        }
     }
 
     /// Whether this is done by clustering.
@@ -128,7 +145,7 @@ impl Simplify {
     pub fn is_clustering(&self) -> bool {
         match self.method {
             Method::Auto => matches!(self.goal, Goal::Cells(_) | Goal::CellSize(_)),
-            Method::Stream | Method::Hybrid => false,
+            Method::Stream | Method::Hybrid | Method::Bounded => false,
             Method::Cluster => true,
         }
     }
@@ -141,13 +158,13 @@ impl Simplify {
 }
 
 impl Goal {
-    /// Triangles wanted of so many; `None` for goals in cells.
+    /// Triangles wanted of so many; `None` for other goals.
     #[must_use]
     pub fn triangles_wanted(self, triangles: u64) -> Option<u64> {
         match self {
             Self::Triangles(count) => Some(count),
             Self::Ratio(ratio) => Some((triangles as f64 * ratio).round() as u64),
-            Self::Cells(_) | Self::CellSize(_) => None,
+            Self::Cells(_) | Self::CellSize(_) | Self::Tolerance => None,
         }
     }
 }
@@ -163,4 +180,6 @@ pub enum Goal {
     Cells(u32),
     /// Cubic cells with this edge, in model units.
     CellSize(f64),
+    /// As far as the error bound allows.
+    Tolerance,
 }

@@ -62,6 +62,9 @@ fn chosen(
     if matches!(simplify.goal, Goal::Cells(_) | Goal::CellSize(_)) {
         return Ok((Method::Cluster, Some("the goal is given in cells".to_owned())));
     }
+    if simplify.keep.max_error.is_some() {
+        return Ok((Method::Bounded, Some("there is an error bound to keep to".to_owned())));
+    }
     if simplify.is_streaming() {
         return Ok((Method::Stream, Some("a single pass".to_owned())));
     }

@@ -2,6 +2,7 @@
 //! alone or beside another one.
 
 mod attempts;
+mod bounded;
 mod compare;
 mod compare_picture;
 mod decimation;
@@ -19,7 +20,9 @@ mod sort;
 mod streaming;
 mod topology;
 
+pub use crate::mesh::{Fairing, Shape, Sides, Smooth, Update};
 pub use crate::stages::simplify::decimate::Metric;
+pub use bounded::{Keep, MaxError};
 pub use compare::{
     BothTopologies, Compare, CompareInput, CompareReport, ComparedReport, ConfidenceReport,
     DeviationReport, RelativeReport, SamplesReport, compare,
@@ -31,8 +34,9 @@ pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use render::{Colors, Render, RenderReport, render};
 pub use report::{
-    BoundsReport, ClusterReport, DecimateReport, DefectReport, EstimatedReport, EstimatesReport,
-    HybridReport, InputReport, OutputReport, Report, SortReport, StageReport, StreamReport,
+    BoundedReport, BoundsReport, ClusterReport, DecimateReport, DefectReport, EstimatedReport,
+    EstimatesReport, HybridReport, InputReport, OutputReport, Report, SortReport, StageReport,
+    StreamReport,
 };
 pub use run::{Prepared, prepare};
 pub use topology::{TopologyReport, topology};

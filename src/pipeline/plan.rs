@@ -3,8 +3,8 @@
 use std::{fmt, path::PathBuf};
 
 use super::{
-    Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, decimation,
-    expected, hybrid, method, sort, streaming,
+    Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, bounded,
+    decimation, expected, hybrid, method, sort, streaming,
 };
 use crate::{
     error::{Error, Result},
@@ -177,6 +177,9 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         }
     }
     match &job.task {
+        Task::Simplify(simplify) if simplify.is_bounded() => {
+            bounded::plan(job, simplify, sizes, &mut plan)?;
+        }
         Task::Simplify(simplify) if simplify.is_clustering() => {
             plan_clustering(job, (simplify.goal, Purpose::Result), sizes, &mut plan);
         }
@@ -206,9 +209,13 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     if streams > 0 && job.inputs.len() > 1 {
         return Err(Error::Request("standard input must be the only input".to_owned()));
     }
+    if let Task::Simplify(simplify) = &job.task {
+        bounded::check_request(simplify)?;
+    }
     if let Task::Simplify(simplify) = &job.task
         && simplify.goal.triangles_wanted(0).is_none()
         && !simplify.is_clustering()
+        && !simplify.is_bounded()
     {
         return Err(Error::Request("cells are a goal for clustering only".to_owned()));
     }

@@ -14,12 +14,13 @@ pub struct Report {
     pub output: OutputReport,
     /// Whether a wanted count was met within the method's tolerance; `None` without one.
     pub reached_target: Option<bool>,
-    /// What ended the simplification: `target`, `cells`, `resolution` when no grid comes
+    /// What ended the simplification: `target`, `error` when no collapse is left that keeps to the
+    /// error bound, `cells`, `resolution` when no grid comes
     /// nearer to the target, `topology` when no collapse is left that keeps the surface what it
     /// is, `parity` when the last odd triangle could only go together with another, or `window`
     /// when triangles had to leave a window before they were coarse enough.
     pub stopped_by: Option<&'static str>,
-    /// Simplification: `stream`, `cluster` or `hybrid`.
+    /// Simplification: `stream`, `cluster`, `hybrid` or `bounded`.
     pub method: Option<&'static str>,
     /// Why that, where it was left open.
     pub method_reason: Option<String>,
@@ -29,6 +30,8 @@ pub struct Report {
     pub sort: Option<SortReport>,
     /// Decimation: what it worked with.
     pub decimate: Option<DecimateReport>,
+    /// Decimation under an error bound: what it worked with, and what holds.
+    pub bounded: Option<BoundedReport>,
     /// Decimation after clustering: what it worked with.
     pub hybrid: Option<HybridReport>,
     /// Decimation in a single pass: what it worked with.
@@ -127,6 +130,34 @@ pub struct DecimateReport {
     pub slabs: u64,
     /// Triangles left out because two of their corners were one point.
     pub degenerate: u64,
+    /// Vertices that were added because several sheets of the surface touched in one.
+    pub split_vertices: u64,
+    /// Vertices left alone because their faces are no fan.
+    pub complex_vertices: u64,
+}
+
+/// How decimation under an error bound went.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct BoundedReport {
+    /// No vertex of the input is farther than this from the result, in model units.
+    pub max_error: f64,
+    /// The same as a share of the diagonal of the input's bounding box, where that is known.
+    pub max_error_share: Option<f64>,
+    /// `error`, `shape` or `smooth`.
+    pub fairing: &'static str,
+    /// The sweep axis.
+    pub axis: &'static str,
+    /// How many triangles the worst one was late along that axis; `None` when the order was neither
+    /// measured nor put right in passing.
+    pub displacement_max: Option<u64>,
+    /// Triangles were sorted on disk: they neither fit in memory nor were they nearly in order.
+    pub sorted_on_disk: bool,
+    /// Slabs the stream was cut into.
+    pub slabs: u64,
+    /// Triangles left out because two of their corners were one point.
+    pub degenerate: u64,
+    /// Vertices of those only, too far from all others: each is kept as a triangle of one point.
+    pub loose_vertices: u64,
     /// Vertices that were added because several sheets of the surface touched in one.
     pub split_vertices: u64,
     /// Vertices left alone because their faces are no fan.

@@ -215,7 +215,9 @@ impl Run<'_> {
     }
 
     fn simplify<V: Vertex>(&self, inputs: Vec<OpenInput>, simplify: &Simplify) -> Result<Report> {
-        if simplify.is_clustering() {
+        if simplify.is_bounded() {
+            self.simplify_by_bound::<V>(inputs, simplify)
+        } else if simplify.is_clustering() {
             self.simplify_by_clustering::<V>(inputs, simplify)
         } else if simplify.is_streaming() {
             self.simplify_by_stream::<V>(inputs, simplify)

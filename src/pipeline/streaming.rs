@@ -146,7 +146,9 @@ impl Run<'_> {
                 let of = triangles.ok_or_else(count_unknown)?;
                 stream::Target::Count { triangles: triangles_wanted, of }
             }
-            Goal::Cells(_) | Goal::CellSize(_) => unreachable!("cells are for clustering"),
+            Goal::Cells(_) | Goal::CellSize(_) | Goal::Tolerance => {
+                unreachable!("a stream has a count to meet")
+            }
         };
         let window_bytes = available.saturating_sub(sort.memory_bytes).max(available / 2);
         let window_max = stream::window_triangles::<V>(window_bytes);

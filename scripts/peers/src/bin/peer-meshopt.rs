@@ -44,15 +44,28 @@ struct Target {
     /// The number of triangles to keep
     #[arg(long)]
     target_faces: Option<usize>,
+    /// As few triangles as the peer's own estimate of the error, in model units, allows
+    #[arg(long)]
+    target_error: Option<f32>,
 }
 
 impl Target {
     fn triangles(&self, of: usize) -> usize {
         let asked = match (self.target_ratio, self.target_faces) {
             (Some(ratio), _) => (of as f64 * ratio) as usize,
-            (None, faces) => faces.unwrap_or(of),
+            (None, Some(faces)) => faces,
+            (None, None) => 0,
         };
         asked.min(of)
+    }
+
+    /// The error allowed, and how it is meant. With a count to meet there is no limit to it, so that
+    /// the count is what binds.
+    fn error(&self) -> (f32, meshopt::SimplifyOptions) {
+        match self.target_error {
+            Some(error) => (error, meshopt::SimplifyOptions::ErrorAbsolute),
+            None => (f32::MAX, meshopt::SimplifyOptions::None),
+        }
     }
 }
 
@@ -78,7 +91,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     };
     let in_triangles = mesh.triangles.len();
     let target = arguments.target.triangles(in_triangles);
-    let simplified = simplify(&mesh, arguments.method, target)?;
+    let simplified = simplify(&mesh, arguments.method, target, arguments.target.error())?;
     let simplify_s = clock.lap();
     let file = output::write_ply(&arguments.output, &simplified)?;
     if arguments.sync {
@@ -110,15 +123,18 @@ fn weld(corners: &[[f32; 3]]) -> Mesh {
     Mesh { positions, triangles, origin: [0.0; 3] }
 }
 
-fn simplify(mesh: &Mesh, method: Method, target: usize) -> Result<Mesh> {
+fn simplify(
+    mesh: &Mesh,
+    method: Method,
+    target: usize,
+    (error, options): (f32, meshopt::SimplifyOptions),
+) -> Result<Mesh> {
     let indices: &[u32] = bytemuck::cast_slice(&mesh.triangles);
     let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
-    // No limit to the error, so that the count is what binds.
-    let none = meshopt::SimplifyOptions::None;
     let mut indices = match method {
-        Method::Sloppy => meshopt::simplify_sloppy(indices, &vertices, 3 * target, f32::MAX, None),
-        Method::Simplify => meshopt::simplify(indices, &vertices, 3 * target, f32::MAX, none, None),
-        Method::Update => return Ok(update(mesh, 3 * target, none)),
+        Method::Sloppy => meshopt::simplify_sloppy(indices, &vertices, 3 * target, error, None),
+        Method::Simplify => meshopt::simplify(indices, &vertices, 3 * target, error, options, None),
+        Method::Update => return Ok(update(mesh, 3 * target, error, options)),
     };
     let positions = meshopt::optimize_vertex_fetch(&mut indices, &mesh.positions);
     let triangles = bytemuck::cast_slice(&indices).to_vec();
@@ -126,7 +142,12 @@ fn simplify(mesh: &Mesh, method: Method, target: usize) -> Result<Mesh> {
 }
 
 /// Collapses edges and moves the vertices that are left.
-fn update(mesh: &Mesh, index_count: usize, options: meshopt::SimplifyOptions) -> Mesh {
+fn update(
+    mesh: &Mesh,
+    index_count: usize,
+    error: f32,
+    options: meshopt::SimplifyOptions,
+) -> Mesh {
     let mut indices: Vec<u32> = bytemuck::cast_slice(&mesh.triangles).to_vec();
     let mut positions = mesh.positions.clone();
     let count = meshopt::simplify_with_update(
@@ -137,7 +158,7 @@ fn update(mesh: &Mesh, index_count: usize, options: meshopt::SimplifyOptions) ->
         0,
         None,
         index_count,
-        f32::MAX,
+        error,
         options,
         None,
     );
