@@ -94,7 +94,7 @@ pub fn decimate_bounded(mesh: &mut Mesh<ByDeviation>, bound: &Bound) {
     for _ in 0..PASSES_MAX {
         let before = mesh.faces_left;
         let mut start = 0;
-        while start < mesh.spots.len() {
+        while start < mesh.spots.len() && mesh.faces_left > bound.faces {
             let end = (start + BLOCK_VERTICES).min(mesh.spots.len());
             empty_block(mesh, bound, (start as u32, end as u32), &mut scratch);
             start = end;

@@ -176,7 +176,7 @@ fn a_count_is_met_by_as_small_a_tolerance_as_it_takes() {
     // The same tolerance, and no more, comes as far without the count.
     let bounded = run(&soup, &config(&soup, bound(done.tolerance), 1 << 20));
     assert!(bounded.faces.len() <= 1050, "{}", bounded.faces.len());
-    let less = run(&soup, &config(&soup, bound(done.tolerance / 2.0), 1 << 20));
+    let less = run(&soup, &config(&soup, bound(done.tolerance / 1.5), 1 << 20));
     assert!(less.faces.len() > 1000, "{}", less.faces.len());
     // The bound comes first.
     let short = counted(100, done.tolerance);
