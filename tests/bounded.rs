@@ -130,6 +130,10 @@ fn what_makes_no_sense_is_refused_in_words() {
         ("--max-error 1% --method cluster", "--method bounded"),
         ("--max-error 1% --selection multiple-choice", "keeps to no error bound"),
         ("--max-error 1% --assume-sorted x", "in model units"),
+        ("--max-error 1 --max-color-error 5", "no input has vertex colours"),
+        ("--max-error 1 --max-color-error=-5", "0 or above"),
+        ("--max-error 1 --max-normal-deviation 200", "between 0 and 180"),
+        ("-t 5 --max-normal-deviation 20", "go with an error bound"),
         ("--max-error 1 --fairing round", "possible values: error, shape, smooth"),
         ("--method bounded", "required"),
     ] {

@@ -25,6 +25,17 @@ pub(super) struct Keep {
     #[arg(long, value_enum, default_value_t = Update::Best)]
     pub(super) fairing_update: Update,
 
+    /// Vertex colours, too: how far the colour of a vertex of the input may be from the one the result
+    /// has at the nearest point of the triangle that stands for it. ΔE of 1976, the distance in
+    /// CIELAB, in which colours are interpolated: 2.3 can just be seen, 100 is from black to white
+    #[arg(long, value_name = "DE", value_parser = values::color_error)]
+    pub(super) max_color_error: Option<f32>,
+
+    /// Normals, too: how far the normal of a vertex of the input may be from the normal of the triangle
+    /// that stands for it, in degrees
+    #[arg(long, value_name = "DEG", value_parser = values::angle)]
+    pub(super) max_normal_deviation: Option<f32>,
+
     /// Which way distances are looked at; see each below
     #[arg(long, value_enum, default_value_t = Sides::One)]
     pub(super) error_side: Sides,
@@ -35,6 +46,10 @@ impl Keep {
     pub(super) fn meaning(&self, max_error: Option<MaxError>) -> pipeline::Keep {
         pipeline::Keep {
             max_error,
+            limits: pipeline::Limits {
+                color: self.max_color_error,
+                normal: self.max_normal_deviation.map(f32::to_radians),
+            },
             fairing: match self.fairing {
                 Fairing::Error => pipeline::Fairing::Error,
                 Fairing::Shape => {

@@ -71,6 +71,12 @@ pub(super) fn roundness(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "longest edge over inner radius is 3.46 at least".to_owned())
 }
 
+/// A distance between colours.
+pub(super) fn color_error(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| *value >= 0.0 && value.is_finite());
+    value.ok_or_else(|| "a distance between colours is 0 or above".to_owned())
+}
+
 /// An angle in degrees.
 pub(super) fn angle(text: &str) -> Result<f32, String> {
     let value = text.parse::<f32>().ok().filter(|value| (0.0..=180.0).contains(value));

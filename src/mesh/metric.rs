@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{Hung, Mesh, Patch, ring::Wing};
+use super::{Mesh, Patch, ring::Wing};
 use crate::soup::VertexQuadric;
 
 /// A collapse of an edge: one end is removed, the other kept.
@@ -35,8 +35,8 @@ pub trait Memory: Sized + Send + Sync + 'static {
     fn scan(patch: &mut Patch<Self>);
     /// What a vertex holds of what it carried, and what its neighbours see of that.
     fn hold(carried: &Self::Carried) -> (Self::Held, f32);
-    /// Takes over vertices that have been removed, from another mesh.
-    fn hang(_: &mut Mesh<Self>, hung: &[Hung]) {
+    /// Takes over the last vertices, which have been removed in another mesh, with the faces near them.
+    fn hang(_: &mut Mesh<Self>, hung: &[[u32; 3]]) {
         debug_assert!(hung.is_empty(), "what is removed is forgotten");
     }
     /// What a vertex carries on.

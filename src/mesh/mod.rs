@@ -31,7 +31,7 @@ mod weld;
 mod window;
 
 pub use bounded::{
-    Bound, ByDeviation, Fairing, Settled, Shape, Sides, Smooth, Update, decimate_bounded,
+    Bound, ByDeviation, Fairing, Limits, Settled, Shape, Sides, Smooth, Update, decimate_bounded,
     decimate_to_count,
 };
 pub use by_quadric::ByQuadric;
@@ -39,7 +39,7 @@ pub use by_volume::ByVolume;
 pub use choice::{Choice, Decimated};
 pub use finish::{Finished, approach, finish, finish_metered};
 pub use metric::{Memory, Metric};
-pub use patch::{Hung, Patch, unit_of};
+pub use patch::{Patch, unit_of};
 pub use position_index::PositionIndex;
 pub use quadric::Quadric;
 pub use release::{Released, release, release_all};

@@ -19,6 +19,9 @@ pub struct Patch<M: Memory> {
     pub carried: Vec<M::Carried>,
     /// Colours by vertex; empty without colours.
     pub colors: Vec<Color>,
+    /// Sums of the normals of the faces around vertices, each as long as twice its face's area; empty
+    /// where nobody asks.
+    pub normals: Vec<Vec3>,
     /// Vertices that other patches have too, increasing.
     pub shared: Vec<u32>,
     /// Vertices that were shared until the patches were joined: nobody has seen yet whether they
@@ -29,20 +32,12 @@ pub struct Patch<M: Memory> {
     pub settled: Vec<u32>,
     /// Faces; every vertex has one, or is hung at one.
     pub faces: Vec<[u32; 3]>,
-    /// Vertices that have been removed, and are not forgotten.
-    pub hung: Vec<Hung>,
+    /// Of the last vertices, which have been removed and are not forgotten, the faces that are near
+    /// them, counter-clockwise from any corner.
+    pub hung: Vec<[u32; 3]>,
     /// A power of two that makes edges about one long: what costs are in units of. The same for
     /// all patches of a surface.
     pub unit: f32,
-}
-
-/// A vertex that has been removed, and the face that is near it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Hung {
-    /// The vertex; it has no faces.
-    pub vertex: u32,
-    /// The corners of a face, counter-clockwise from any of them.
-    pub face: [u32; 3],
 }
 
 impl<M: Memory> Default for Patch<M> {
@@ -51,6 +46,7 @@ impl<M: Memory> Default for Patch<M> {
             positions: Vec::new(),
             carried: Vec::new(),
             colors: Vec::new(),
+            normals: Vec::new(),
             shared: Vec::new(),
             joined: Vec::new(),
             settled: Vec::new(),
@@ -88,11 +84,14 @@ impl<M: Memory> Patch<M> {
         let mut whole = Self::with_room_for(&patches);
         let mut seams = HashMap::<[u32; 3], u32>::new();
         let mut old_to_new = Vec::new();
+        // What hangs comes after all that has faces.
+        let mut tail = Self::default();
         for patch in patches {
             old_to_new.clear();
             let mut shared = patch.shared.iter().peekable();
             let mut settled = patch.settled.iter().peekable();
-            for (index, position) in patch.positions.iter().enumerate() {
+            let with_faces = patch.with_faces();
+            for (index, position) in patch.positions[..with_faces].iter().enumerate() {
                 let new = whole.positions.len() as u32;
                 if shared.next_if(|vertex| **vertex == index as u32).is_some() {
                     let bits = position.to_array().map(|c| (c + 0.0).to_bits());
@@ -112,34 +111,44 @@ impl<M: Memory> Patch<M> {
                 whole.positions.push(*position);
                 whole.carried.push(patch.carried[index]);
                 whole.colors.extend(patch.colors.get(index));
+                whole.normals.extend(patch.normals.get(index));
             }
             let renumber = |face: &[u32; 3]| face.map(|v| old_to_new[v as usize]);
             whole.faces.extend(patch.faces.iter().map(renumber));
-            let hung = patch.hung.iter().map(|hung| Hung {
-                vertex: old_to_new[hung.vertex as usize],
-                face: renumber(&hung.face),
-            });
-            whole.hung.extend(hung);
+            whole.hung.extend(patch.hung.iter().map(renumber));
+            tail.positions.extend_from_slice(&patch.positions[with_faces..]);
+            tail.carried.extend_from_slice(&patch.carried[with_faces..]);
+            tail.colors.extend(patch.colors.iter().skip(with_faces));
+            tail.normals.extend(patch.normals.iter().skip(with_faces));
         }
+        whole.positions.append(&mut tail.positions);
+        whole.carried.append(&mut tail.carried);
+        whole.colors.append(&mut tail.colors);
+        whole.normals.append(&mut tail.normals);
         whole
+    }
+
+    /// How many vertices, the first ones, have not been removed.
+    #[must_use]
+    pub fn with_faces(&self) -> usize {
+        self.positions.len() - self.hung.len()
     }
 
     /// Takes apart the vertices at which several sheets touch, but for shared ones, of which some
     /// faces are not here. Each part remembers what the whole did. Returns how many vertices that
     /// adds.
     pub(super) fn split(&mut self) -> usize {
-        let mut is_complex = complex(self.positions.len(), &self.faces);
+        let with_faces = self.with_faces();
+        let mut is_complex = complex(with_faces, &self.faces);
         let elsewhere = self.shared.iter().chain(&self.settled);
         elsewhere.for_each(|vertex| is_complex[*vertex as usize] = false);
         let before = if self.hung.is_empty() { Vec::new() } else { self.faces.clone() };
-        let added = split_fans(&self.positions, &mut self.faces, &is_complex);
+        let added = split_fans(&self.positions[..with_faces], &mut self.faces, &is_complex);
         self.hang_again(&before);
-        for source in &added {
-            let source = *source as usize;
-            self.positions.push(self.positions[source]);
-            self.carried.push(self.carried[source]);
-            self.colors.extend(self.colors.get(source).copied());
-        }
+        insert_copies(&mut self.positions, with_faces, &added);
+        insert_copies(&mut self.carried, with_faces, &added);
+        insert_copies(&mut self.colors, with_faces, &added);
+        insert_copies(&mut self.normals, with_faces, &added);
         added.len()
     }
 
@@ -158,8 +167,20 @@ impl<M: Memory> Patch<M> {
             return;
         }
         for hung in &mut self.hung {
-            let face = turned(&hung.face, turn_of(&hung.face));
-            hung.face = after.get(&face).copied().unwrap_or(hung.face);
+            let face = turned(hung, turn_of(hung));
+            *hung = after.get(&face).copied().unwrap_or(*hung);
+        }
+    }
+
+    /// Fills in [`Self::normals`] of a surface as it was scanned.
+    pub fn add_normals(&mut self) {
+        self.normals = vec![Vec3::ZERO; self.positions.len()];
+        for face in &self.faces {
+            let [a, b, c] = face.map(|v| self.positions[v as usize]);
+            let normal = (b - a).cross(c - a);
+            for vertex in face {
+                self.normals[*vertex as usize] += normal;
+            }
         }
     }
 
@@ -178,6 +199,7 @@ impl<M: Memory> Patch<M> {
         size_of_val(&self.positions[..])
             + size_of_val(&self.carried[..])
             + size_of_val(&self.colors[..])
+            + size_of_val(&self.normals[..])
             + size_of_val(&self.faces[..])
             + size_of_val(&self.shared[..])
             + size_of_val(&self.settled[..])
@@ -190,6 +212,7 @@ impl<M: Memory> Patch<M> {
             positions: Vec::with_capacity(sum(|patch| patch.positions.len())),
             carried: Vec::with_capacity(sum(|patch| patch.carried.len())),
             colors: Vec::with_capacity(sum(|patch| patch.colors.len())),
+            normals: Vec::with_capacity(sum(|patch| patch.normals.len())),
             faces: Vec::with_capacity(sum(|patch| patch.faces.len())),
             hung: Vec::with_capacity(sum(|patch| patch.hung.len())),
             unit: patches.first().map_or(1.0, |patch| patch.unit),
@@ -203,6 +226,17 @@ impl<M: Memory> Patch<M> {
         if let Some(color) = other.colors.get(index) {
             self.colors[vertex as usize].add(color);
         }
+        if let Some(normal) = other.normals.get(index) {
+            self.normals[vertex as usize] += *normal;
+        }
+    }
+}
+
+/// Puts copies of some values before the one at a place, if there are any at all.
+fn insert_copies<T: Copy>(values: &mut Vec<T>, at: usize, sources: &[u32]) {
+    if !values.is_empty() {
+        let copies: Vec<T> = sources.iter().map(|source| values[*source as usize]).collect();
+        values.splice(at..at, copies);
     }
 }
 

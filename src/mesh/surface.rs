@@ -118,7 +118,8 @@ pub fn face_bytes<V: Vertex, M: Memory>() -> u64 {
     ((patch + color + mesh + Rings::VERTEX_BYTES) / 2) as u64
 }
 
-/// A triangle mesh that edges can be collapsed in. All arrays are by vertex.
+/// A triangle mesh that edges can be collapsed in. All arrays are by vertex; of vertices that had been
+/// removed before the mesh was made, which are the last ones, there is no ring, state or cost.
 pub struct Mesh<M: Memory> {
     pub(super) spots: Vec<Spot>,
     pub(super) rings: Rings,
@@ -130,6 +131,8 @@ pub struct Mesh<M: Memory> {
     pub(super) costs: Vec<f32>,
     /// Empty without colours.
     pub(super) colors: Vec<Color>,
+    /// As [`Patch::normals`].
+    pub(super) normals: Vec<Vec3>,
     /// Faces that are left.
     pub(super) faces_left: usize,
     /// As [`Patch::unit`].
@@ -148,6 +151,7 @@ impl<M: Memory> Mesh<M> {
             states: Vec::new(),
             costs: Vec::new(),
             colors: Vec::new(),
+            normals: Vec::new(),
             faces_left: 0,
             unit: 1.0,
             split: 0,
@@ -217,9 +221,19 @@ impl<M: Memory> Mesh<M> {
     /// Makes a mesh of patches that have been decimated: they say what is remembered.
     #[must_use]
     pub fn of_decimated(patch: Patch<M>) -> Self {
-        let Patch { positions, carried, colors, shared, joined, settled, faces, hung, unit } =
-            patch;
-        let vertices = positions.len();
+        let Patch {
+            positions,
+            carried,
+            colors,
+            normals,
+            shared,
+            joined,
+            settled,
+            faces,
+            hung,
+            unit,
+        } = patch;
+        let vertices = positions.len() - hung.len();
         let (rings, refused) = Rings::of_faces(vertices, &faces);
         let faces_left = faces.len() - refused;
         drop(faces);
@@ -242,7 +256,7 @@ impl<M: Memory> Mesh<M> {
         }
         let costs = vec![UNKNOWN; vertices];
         let mut mesh =
-            Self { spots, rings, held, states, costs, colors, faces_left, unit, split: 0 };
+            Self { spots, rings, held, states, costs, colors, normals, faces_left, unit, split: 0 };
         mesh.add_boundaries(joined.into_iter());
         M::hang(&mut mesh, &hung);
         mesh
@@ -366,6 +380,7 @@ impl<M: Memory> Mesh<M> {
             patch.positions.push(self.position(vertex));
             patch.carried.push(M::carry(&self, vertex));
             patch.colors.extend(self.colors.get(vertex as usize));
+            patch.normals.extend(self.normals.get(vertex as usize));
             if self.states[vertex as usize].has(State::FROZEN) {
                 patch.shared.push(new);
             }

@@ -8,7 +8,8 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    mesh::{Bound, Fairing, Sides, Update},
+    formats::Format,
+    mesh::{Bound, Fairing, Limits, Sides, Update},
     progress::StageId,
     soup::{ColoredPoint, OpenInput, Source, SweepAxis, Vertex},
     stages::{
@@ -37,11 +38,14 @@ pub struct Keep {
     pub sides: Sides,
     /// How costs are brought up to date.
     pub update: Update,
+    /// Bounds on colours and normals.
+    pub limits: Limits,
 }
 
 impl Default for Keep {
     fn default() -> Self {
-        Self { max_error: None, fairing: Fairing::Error, sides: Sides::One, update: Update::Best }
+        let (fairing, sides, update) = (Fairing::Error, Sides::One, Update::Best);
+        Self { max_error: None, fairing, sides, update, limits: Limits::default() }
     }
 }
 
@@ -66,6 +70,9 @@ pub(super) fn check_request(simplify: &Simplify) -> Result<()> {
     if !simplify.is_bounded() {
         return match (simplify.keep.max_error, simplify.goal) {
             (None, Goal::Tolerance) => refuse("no goal is given"),
+            (None, _) if simplify.keep.limits != Limits::default() => {
+                refuse("bounds on colours and normals go with an error bound (--max-error)")
+            }
             (None, _) => Ok(()),
             (Some(_), _) => refuse("only --method bounded keeps to an error bound (--max-error)"),
         };
@@ -90,6 +97,10 @@ pub(super) fn check_request(simplify: &Simplify) -> Result<()> {
     }
     if matches!(simplify.goal, Goal::Cells(_) | Goal::CellSize(_)) {
         return refuse("cells are a goal for clustering only");
+    }
+    let limits = [simplify.keep.limits.color, simplify.keep.limits.normal];
+    if limits.iter().flatten().any(|limit| limit.is_nan() || *limit < 0.0) {
+        return refuse("a bound on colours or normals is 0 or above");
     }
     if simplify.selection == super::Selection::MultipleChoice {
         return refuse("multiple choice in one pass keeps to no error bound");
@@ -118,13 +129,13 @@ fn config(
     axis: SweepAxis,
     tolerance: f64,
 ) -> bounded::Config {
-    let Keep { fairing, update, sides, .. } = simplify.keep;
+    let Keep { fairing, update, sides, limits, .. } = simplify.keep;
     let wanted = triangles.and_then(|triangles| simplify.goal.triangles_wanted(triangles));
     let faces = wanted.map_or(0, |wanted| usize::try_from(wanted.max(1)).unwrap_or(usize::MAX));
     bounded::Config {
         axis,
         triangles,
-        bound: Bound { tolerance, fairing, update, sides, faces },
+        bound: Bound { tolerance, fairing, update, sides, limits, faces },
         is_counted: simplify.goal != Goal::Tolerance,
         slab_triangles_min: bounded::SLAB_TRIANGLES_MIN,
     }
@@ -134,6 +145,14 @@ fn config(
 pub(super) fn plan(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan) -> Result<()> {
     if let Some(triangles) = plan.records {
         check_memory(simplify, triangles, job.memory_bytes)?;
+    }
+    if simplify.keep.limits.color.is_some() && !sizes.is_colored() {
+        let text = "no input has vertex colours that a bound on them could keep to";
+        return Err(Error::Request(text.to_owned()));
+    }
+    if simplify.keep.limits.color.is_some() && job.output_format == Format::Stl {
+        let text = "stl has no colours that a bound on them could keep to";
+        return Err(Error::Request(text.to_owned()));
     }
     let is_measured = simplify.assume_sorted.is_none();
     if is_measured && plan.vertices.is_some_and(|count| count > 0) {

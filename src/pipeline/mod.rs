@@ -20,7 +20,7 @@ mod sort;
 mod streaming;
 mod topology;
 
-pub use crate::mesh::{Fairing, Shape, Sides, Smooth, Update};
+pub use crate::mesh::{Fairing, Limits, Shape, Sides, Smooth, Update};
 pub use crate::stages::simplify::decimate::Metric;
 pub use bounded::{Keep, MaxError};
 pub use compare::{

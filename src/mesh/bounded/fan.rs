@@ -7,7 +7,10 @@
 use glam::{DVec3, Vec3};
 
 use super::super::{Mesh, ring::Wing};
-use super::hanging::ByDeviation;
+use super::{
+    attributes::{Attributes, Look},
+    hanging::{ByDeviation, Point},
+};
 
 /// A face relative to its corner that all faces of the fan share.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +35,7 @@ const SINE_SQ_MIN: f64 = 1e-6;
 /// Faces around one corner.
 #[derive(Debug, Default)]
 pub(super) struct Fan {
+    vertex: u32,
     corner: DVec3,
     faces: Vec<Face>,
 }
@@ -39,6 +43,7 @@ pub(super) struct Fan {
 impl Fan {
     /// The faces of a ring, once its vertex has become `corner`.
     pub(super) fn fill(&mut self, mesh: &Mesh<ByDeviation>, corner: u32, ring: &[Wing]) {
+        self.vertex = corner;
         self.corner = mesh.position(corner).as_dvec3();
         self.faces.clear();
         for wing in ring.iter().filter(|wing| !wing.has(corner)) {
@@ -69,6 +74,19 @@ impl Fan {
         self.faces.iter().any(|face| face.is_within(x, tolerance_sq))
     }
 
+    /// Whether a removed vertex can hang at one of the faces.
+    #[inline]
+    pub(super) fn takes(&self, point: &Point, tolerance_sq: f64, attributes: &Attributes) -> bool {
+        if !attributes.are_limited() {
+            return self.is_within(point.position, tolerance_sq);
+        }
+        let x = point.position.as_dvec3() - self.corner;
+        self.faces.iter().any(|face| {
+            face.is_within(x, tolerance_sq)
+                && attributes.allow(point.vertex, &face.look(self.vertex, x))
+        })
+    }
+
     /// Whether the middles of edges from a point to some vertices are within a tolerance.
     pub(super) fn are_within(
         &self,
@@ -81,17 +99,20 @@ impl Fan {
         ends.iter().all(|end| self.is_within(middle(end), tolerance_sq))
     }
 
-    /// The two other corners of the face nearest to a point, and the square of its distance.
-    pub(super) fn nearest(&self, point: Vec3) -> Option<([u32; 2], f64)> {
-        let x = point.as_dvec3() - self.corner;
+    /// The two other corners of the nearest face that a removed vertex can hang at.
+    pub(super) fn nearest(&self, point: &Point, attributes: &Attributes) -> Option<[u32; 2]> {
+        let x = point.position.as_dvec3() - self.corner;
         let mut best: Option<([u32; 2], f64)> = None;
         for face in &self.faces {
             let distance_sq = face.distance_sq(x);
-            if best.is_none_or(|(_, least)| distance_sq < least) {
+            if best.is_none_or(|(_, least)| distance_sq < least)
+                && (!attributes.are_limited()
+                    || attributes.allow(point.vertex, &face.look(self.vertex, x)))
+            {
                 best = Some((face.others, distance_sq));
             }
         }
-        best
+        best.map(|(others, _)| others)
     }
 }
 
@@ -103,6 +124,29 @@ impl Face {
             return false;
         }
         self.distance_sq(x) <= tolerance_sq
+    }
+
+    /// The face at the place that is nearest to `x`; `vertex` is its first corner.
+    fn look(&self, vertex: u32, x: DVec3) -> Look {
+        let [next, prev] = self.others;
+        let look = |shares| Look { corners: [vertex, next, prev], shares, normal: self.n };
+        let (xa, xb) = (x.dot(self.a), x.dot(self.b));
+        let (u, v) = (self.bb * xa - self.ab * xb, self.aa * xb - self.ab * xa);
+        let w = self.n_sq - u - v;
+        if self.is_wide && u >= 0.0 && v >= 0.0 && w >= 0.0 {
+            return look([w, u, v].map(|share| share / self.n_sq));
+        }
+        let (y, edge) = (x - self.a, self.b - self.a);
+        let along_a = share_along(xa, self.aa);
+        let along_b = share_along(xb, self.bb);
+        let along_edge = share_along(y.dot(edge), edge.length_squared());
+        let sides = [
+            ((x - along_a * self.a).length_squared(), [1.0 - along_a, along_a, 0.0]),
+            ((x - along_b * self.b).length_squared(), [1.0 - along_b, 0.0, along_b]),
+            ((y - along_edge * edge).length_squared(), [0.0, 1.0 - along_edge, along_edge]),
+        ];
+        let nearest = sides.into_iter().min_by(|one, two| one.0.total_cmp(&two.0));
+        look(nearest.map_or([1.0, 0.0, 0.0], |(_, shares)| shares))
     }
 
     /// Never smaller than it is, but for rounding.
@@ -135,6 +179,10 @@ impl Face {
 /// The square of the distance from `x` to the segment from the origin to `end`.
 #[inline]
 fn to_segment_sq(x: DVec3, end: DVec3, along: f64, length_sq: f64) -> f64 {
-    let share = if length_sq > 0.0 { (along / length_sq).clamp(0.0, 1.0) } else { 0.0 };
-    (x - share * end).length_squared()
+    (x - share_along(along, length_sq) * end).length_squared()
+}
+
+#[inline]
+fn share_along(along: f64, length_sq: f64) -> f64 {
+    if length_sq > 0.0 { (along / length_sq).clamp(0.0, 1.0) } else { 0.0 }
 }

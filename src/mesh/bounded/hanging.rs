@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::super::{
-    Color, Hung, Mesh, Patch, State,
+    Color, Mesh, Patch, State,
     metric::{Candidate, Memory},
     ring::Wing,
     surface::NONE,
@@ -58,9 +58,10 @@ impl Memory for ByDeviation {
         (Held::default(), 0.0)
     }
 
-    fn hang(mesh: &mut Mesh<Self>, hung: &[Hung]) {
-        for Hung { vertex, face: [at, next, prev] } in hung {
-            mesh.hang_at(*vertex, *at, [*next, *prev]);
+    fn hang(mesh: &mut Mesh<Self>, hung: &[[u32; 3]]) {
+        let first = mesh.states.len() as u32;
+        for ([at, next, prev], vertex) in hung.iter().zip(first..) {
+            mesh.hang_at(vertex, *at, [*next, *prev]);
         }
     }
 
@@ -141,6 +142,9 @@ impl Mesh<ByDeviation> {
             if !self.colors.is_empty() {
                 self.colors.push(Color::default());
             }
+            if !self.normals.is_empty() {
+                self.normals.push(Vec3::ZERO);
+            }
             self.hang_at(vertex, at, [next, prev]);
         }
         far
@@ -149,7 +153,7 @@ impl Mesh<ByDeviation> {
     /// The face nearest to a point, within a tolerance.
     fn nearest_face(&self, point: Vec3, tolerance: f64) -> Option<[u32; 3]> {
         let (mut best, mut least) = (None, tolerance * tolerance);
-        for at in 0..self.spots.len() as u32 {
+        for at in 0..self.states.len() as u32 {
             for wing in self.rings.of(at).iter().filter(|wing| at < wing.next && at < wing.prev) {
                 let face = [at, wing.next, wing.prev];
                 let corners = face.map(|v| self.position(v).as_dvec3() - point.as_dvec3());
@@ -163,10 +167,9 @@ impl Mesh<ByDeviation> {
     }
 
     /// All removed vertices with the faces they hang at.
-    #[must_use]
-    pub fn hung(&self) -> Vec<Hung> {
+    pub(super) fn hung(&self) -> Vec<(u32, [u32; 3])> {
         let mut all = Vec::new();
-        for at in 0..self.held.len() as u32 {
+        for at in 0..self.states.len() as u32 {
             if self.rings.count(at) == 0 {
                 continue;
             }
@@ -174,7 +177,7 @@ impl Mesh<ByDeviation> {
             while vertex != NONE {
                 let held = self.held[vertex as usize];
                 debug_assert!(self.has_face(at, held.pair), "it hangs at a face that is there");
-                all.push(Hung { vertex, face: [at, held.pair[0], held.pair[1]] });
+                all.push((vertex, [at, held.pair[0], held.pair[1]]));
                 vertex = held.link;
             }
         }

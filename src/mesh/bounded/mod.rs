@@ -5,12 +5,14 @@
 //! that away from it without another one near enough. Which of the allowed collapses comes first is
 //! the matter of a [`Fairing`].
 
+mod attributes;
 mod fairing;
 mod fan;
 mod hanging;
 mod queue;
 mod settle;
 
+pub use attributes::Limits;
 pub use fairing::{Fairing, Shape, Smooth};
 pub use hanging::ByDeviation;
 pub use queue::{Bound, Sides, Update, decimate_bounded, decimate_to_count};

@@ -12,7 +12,8 @@ use super::super::{
     surface::{NONE, UNKNOWN},
 };
 use super::{
-    Fairing,
+    Fairing, Limits,
+    attributes::Attributes,
     fairing::{Ranked, Surroundings},
     fan::Fan,
     hanging::{ByDeviation, Point},
@@ -29,6 +30,8 @@ pub struct Bound {
     pub update: Update,
     /// What is measured.
     pub sides: Sides,
+    /// What else is kept to.
+    pub limits: Limits,
     /// The mesh is not brought below this number of faces.
     pub faces: usize,
 }
@@ -77,6 +80,7 @@ struct Scratch {
     /// The faces as they are.
     before: Fan,
     points: Vec<Point>,
+    attributes: Attributes,
 }
 
 /// The vertices of a block by what the best collapse of each costs.
@@ -90,12 +94,13 @@ struct Queue {
 pub fn decimate_bounded(mesh: &mut Mesh<ByDeviation>, bound: &Bound) {
     mesh.costs.fill(UNKNOWN);
     mesh.forget_refusals();
-    let mut scratch = Scratch::default();
+    let attributes = Attributes::of(mesh, bound.limits);
+    let mut scratch = Scratch { attributes, ..Scratch::default() };
     for _ in 0..PASSES_MAX {
         let before = mesh.faces_left;
         let mut start = 0;
-        while start < mesh.spots.len() && mesh.faces_left > bound.faces {
-            let end = (start + BLOCK_VERTICES).min(mesh.spots.len());
+        while start < mesh.states.len() && mesh.faces_left > bound.faces {
+            let end = (start + BLOCK_VERTICES).min(mesh.states.len());
             empty_block(mesh, bound, (start as u32, end as u32), &mut scratch);
             start = end;
         }
@@ -277,7 +282,7 @@ impl Mesh<ByDeviation> {
     }
 
     fn forget_refusals(&mut self) {
-        for vertex in 0..self.held.len() {
+        for vertex in 0..self.states.len() {
             if self.rings.count(vertex as u32) > 0 {
                 self.held[vertex].pair = [0; 2];
             }
@@ -294,7 +299,7 @@ impl Mesh<ByDeviation> {
         is_listed: &mut bool,
     ) -> bool {
         let best = Candidate { kept, cost: 0.0, to: self.position(kept) };
-        let Scratch { around, ring, fan, before, points, .. } = scratch;
+        let Scratch { around, ring, fan, before, points, attributes, .. } = scratch;
         if !self.is_legal(vertex, &best, ring) {
             return false;
         }
@@ -307,7 +312,8 @@ impl Mesh<ByDeviation> {
         // The vertex itself is the likeliest to be left behind, and then what lies between it and its
         // neighbours.
         let from = self.position(vertex);
-        if !fan.is_within(from, tolerance_sq)
+        let own = Point { vertex, position: from };
+        if !fan.takes(&own, tolerance_sq, attributes)
             || !fan.are_within(self, from, &around.rim, tolerance_sq)
         {
             return false;
@@ -322,7 +328,7 @@ impl Mesh<ByDeviation> {
         {
             return false;
         }
-        let far = points.iter().position(|point| !fan.is_within(point.position, tolerance_sq));
+        let far = points.iter().position(|point| !fan.takes(point, tolerance_sq, attributes));
         if let Some(far) = far {
             // What has been so once is the first to be asked next time.
             points.swap(0, far);
@@ -333,13 +339,13 @@ impl Mesh<ByDeviation> {
     /// Collapses a vertex and hangs it, and what hung around it, at the nearest of the faces that
     /// come of it. `scratch` is as the last question left it.
     fn collapse_hanging(&mut self, vertex: u32, kept: u32, scratch: &mut Scratch) {
-        let Scratch { around, ring, fan, points, .. } = scratch;
+        let Scratch { around, ring, fan, points, attributes, .. } = scratch;
         self.take_down(vertex, &around.rim);
         let best = Candidate { kept, cost: 0.0, to: self.position(kept) };
         self.collapse(vertex, &best, ring);
         points.push(Point { vertex, position: self.position(vertex) });
         for point in points.iter() {
-            if let Some((others, _)) = fan.nearest(point.position) {
+            if let Some(others) = fan.nearest(point, attributes) {
                 self.hang_at(point.vertex, kept, others);
             }
         }

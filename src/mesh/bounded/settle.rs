@@ -1,6 +1,6 @@
 //! What of a decimated mesh is finished, and what can still change when its interfaces open.
 
-use super::super::{Hung, Mesh, Patch, State, ring::Wing, surface::NONE};
+use super::super::{Mesh, Patch, State, ring::Wing, surface::NONE};
 use super::hanging::ByDeviation;
 
 /// A mesh taken apart. Both parts know the vertices between them.
@@ -77,8 +77,8 @@ impl Mesh<ByDeviation> {
     /// Some of the faces, with their vertices in their order.
     fn part(&self, takes: impl Fn(&[u32; 3]) -> bool) -> Part {
         let mut faces = Vec::new();
-        let mut is_used = vec![false; self.spots.len()];
-        for vertex in 0..self.spots.len() as u32 {
+        let mut is_used = vec![false; self.states.len()];
+        for vertex in 0..self.states.len() as u32 {
             let first = |wing: &&Wing| vertex < wing.next && vertex < wing.prev;
             for wing in self.rings.of(vertex).iter().filter(first) {
                 let face = [vertex, wing.next, wing.prev];
@@ -91,7 +91,7 @@ impl Mesh<ByDeviation> {
             }
         }
         let used = is_used.iter().filter(|is_used| **is_used).count();
-        let mut numbers = vec![NONE; self.spots.len()];
+        let mut numbers = vec![NONE; self.states.len()];
         let mut patch = Patch {
             positions: Vec::with_capacity(used),
             carried: vec![(); used],
@@ -103,6 +103,7 @@ impl Mesh<ByDeviation> {
             *number = patch.positions.len() as u32;
             patch.positions.push(self.position(old as u32));
             patch.colors.extend(self.colors.get(old));
+            patch.normals.extend(self.normals.get(old));
         }
         for face in &mut patch.faces {
             *face = face.map(|vertex| numbers[vertex as usize]);
@@ -112,13 +113,12 @@ impl Mesh<ByDeviation> {
 
     /// Adds to a part, which has some of the faces, the vertices that hang at them.
     fn hang_in(&self, part: &mut Part, takes: impl Fn(&[u32; 3]) -> bool) {
-        for Hung { vertex, face } in self.hung().into_iter().filter(|hung| takes(&hung.face)) {
-            let face = face.map(|corner| part.numbers[corner as usize]);
-            let number = part.patch.positions.len() as u32;
+        for (vertex, face) in self.hung().into_iter().filter(|(_, face)| takes(face)) {
             part.patch.positions.push(self.position(vertex));
             part.patch.carried.push(());
             part.patch.colors.extend(self.colors.get(vertex as usize));
-            part.patch.hung.push(Hung { vertex: number, face });
+            part.patch.normals.extend(self.normals.get(vertex as usize));
+            part.patch.hung.push(face.map(|corner| part.numbers[corner as usize]));
         }
     }
 }

@@ -35,8 +35,9 @@ pub(super) struct Piece {
     pub(super) room: Reservation,
 }
 
-/// Edges from an interface within which vertices may still be removed once it opens.
-const OPEN_EDGES: usize = 3;
+/// Edges from an interface within which vertices may still be removed once it opens. On a gyroid of 1 M
+/// triangles in slabs of 65,536, one edge leaves 0.2 % more than four.
+const OPEN_EDGES: usize = 1;
 
 impl Piece {
     /// Decimates a mesh, and takes apart what is finished. What that no longer needs of `room` is
@@ -118,10 +119,14 @@ impl Piece {
     }
 }
 
-/// Bytes of memory of the mesh that is made of a patch; what hangs has no faces of its own.
+/// Bytes of memory of the mesh that is made of a patch, beside the patch.
 fn mesh_bytes(patch: &Patch<ByDeviation>) -> u64 {
-    (patch.faces.len() + 2 * patch.hung.len()) as u64 * face_bytes::<Point, ByDeviation>()
+    let faces = patch.faces.len() as u64 * face_bytes::<Point, ByDeviation>();
+    faces + patch.hung.len() as u64 * HUNG_BYTES
 }
+
+/// Bytes that a vertex which hangs takes in a mesh, and the joined patch before that.
+const HUNG_BYTES: u64 = 56;
 
 impl Border {
     /// Says of a position whether a vertex there may have faces beyond the border.

@@ -30,6 +30,9 @@ pub(super) fn decimate<V: Vertex>(
     shared.dedup();
     welded.patch.shared = shared;
     welded.patch.unit = unit;
+    if config.bound.limits.normal.is_some() {
+        welded.patch.add_normals();
+    }
     let degenerate = welded.degenerate;
     // Only triangles that are left out can leave a vertex without any.
     let loose = if degenerate > 0 { welded.patch.loose() } else { Vec::new() };

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::{
     geometry::distance_sq_to_triangle,
-    mesh::{Fairing, Shape, Sides, Smooth, Update},
-    soup::{Column, Point, SweepKey, Triangles, Vertex as _},
+    mesh::{Fairing, Limits, Shape, Sides, Smooth, Update},
+    soup::{ColoredPoint, Column, Point, SweepKey, Triangles, Vertex as _},
     storage::Budget,
 };
 
@@ -38,7 +38,8 @@ fn hills(x: f32, y: f32) -> f32 {
 
 fn bound(tolerance: f64) -> Bound {
     let (fairing, update, sides) = (Fairing::Error, Update::Best, Sides::One);
-    Bound { tolerance, fairing, update, sides, faces: 0 }
+    let limits = Limits::default();
+    Bound { tolerance, fairing, update, sides, limits, faces: 0 }
 }
 
 fn config(soup: &Soup, bound: Bound, slab_triangles_min: u64) -> Config {
@@ -239,6 +240,86 @@ fn mean_roundness(faces: &[[DVec3; 3]]) -> f64 {
         edges[0].max(edges[1]).max(edges[2]) * around / (*b - *a).cross(*c - *a).length()
     };
     faces.iter().map(roundness).sum::<f64>() / faces.len() as f64
+}
+
+/// Blue on one side of a wave, yellow on the other.
+fn painted(soup: &Soup) -> Vec<Triangle<ColoredPoint>> {
+    let paint = |point: &Point| {
+        let [x, y, _] = point.0;
+        let share = ((y - 0.5 - 0.2 * (7.0 * x).sin()) * 20.0).clamp(0.0, 1.0);
+        let mix = |low: f32, high: f32| (low + share * (high - low)).round() as u8;
+        ColoredPoint { position: point.0, color: [mix(20.0, 250.0), mix(40.0, 220.0), 90, 255] }
+    };
+    soup.iter().map(|triangle| Triangle(triangle.0.map(|point| paint(&point)))).collect()
+}
+
+/// Of the vertices of a soup, the greatest distance in colour, channel by channel, from the nearest
+/// of the places that are within a tolerance.
+fn off_color(soup: &[Triangle<ColoredPoint>], mesh: &IndexedMesh<ColoredPoint>, near: f64) -> f64 {
+    let (Column::Memory(vertices), Triangles::Memory(faces)) = (&mesh.vertices, &mesh.triangles)
+    else {
+        panic!("a decimated mesh is in memory")
+    };
+    let at = |v: &ColoredPoint| DVec3::from_array(v.position.map(f64::from));
+    let paint = |v: &ColoredPoint| DVec3::new(v.color[0].into(), v.color[1].into(), 0.0);
+    let off = |point: &ColoredPoint| {
+        let off_face = |face: &[u32; 3]| {
+            let corners = face.map(|v| vertices[v as usize]);
+            let [a, b, c] = corners.map(|corner| at(&corner) - at(point));
+            if distance_sq_to_triangle([a, b, c]).sqrt() > near {
+                return f64::INFINITY;
+            }
+            // Above, or nearly: the surface is a height field with long slopes.
+            let area = |u: DVec3, v: DVec3| u.truncate().perp_dot(v.truncate());
+            let all = area(b - a, c - a);
+            let [u, v, w] = [area(b, c) / all, area(c, a) / all, area(a, b) / all];
+            if u.min(v).min(w) < -0.05 {
+                return f64::INFINITY;
+            }
+            let [one, two, three] = corners.map(|corner| paint(&corner));
+            (u * one + v * two + w * three).distance(paint(point))
+        };
+        faces.iter().map(off_face).fold(f64::INFINITY, f64::min)
+    };
+    let points: Vec<ColoredPoint> = soup.iter().flat_map(|triangle| triangle.0).collect();
+    points.par_iter().map(off).filter(|off| off.is_finite()).reduce(|| 0.0, f64::max)
+}
+
+#[test]
+fn colours_are_bounds_as_well() {
+    let soup = painted(&strip(160, 60, |x, y| 0.02 * (3.0 * x).sin() * (3.0 * y).cos()));
+    let done = |color: Option<f32>, slab: u64| {
+        let bound = Bound { limits: Limits { color, normal: None }, ..bound(2e-3) };
+        let config = Config { triangles: None, ..config(&Vec::new(), bound, slab) };
+        let (workspace, monitor) = (Workspace::for_test(), Monitor::silent());
+        let feed = |sink: &mut dyn FnMut(&[Triangle<ColoredPoint>]) -> Result<()>| sink(&soup);
+        decimate(&config, &workspace, &monitor, feed).unwrap().mesh
+    };
+    for slab in [1 << 20, 2000] {
+        let [blind, wide, narrow] = [None, Some(20.0), Some(5.0)].map(|limit| done(limit, slab));
+        let [off_blind, off_wide, off_narrow] =
+            [&blind, &wide, &narrow].map(|mesh| off_color(&soup, mesh, 2e-3));
+        // A unit of ΔE is some units of a channel.
+        assert!(off_blind > 150.0, "{off_blind} if nobody looks");
+        assert!(off_wide < 90.0 && off_narrow < 30.0, "{off_wide} and {off_narrow}");
+        let counts = [&blind, &wide, &narrow].map(|mesh| mesh.counts().triangles);
+        assert!(counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
+    }
+}
+
+#[test]
+fn normals_are_bounds_as_well() {
+    // Low and steep: within the tolerance it is flat.
+    let soup = strip(160, 40, |x, _| 0.004 * (20.0 * x).sin());
+    let count = |normal: Option<f32>, slab: u64| {
+        let bound = Bound { limits: Limits { color: None, normal }, ..bound(0.01) };
+        run(&soup, &config(&soup, bound, slab)).faces.len()
+    };
+    for slab in [1 << 20, 2000] {
+        let counts = [None, Some(0.05), Some(0.015)].map(|normal| count(normal, slab));
+        assert!(counts[0] < 20 && 5 * counts[0] < counts[1], "{counts:?}");
+        assert!(2 * counts[1] < counts[2], "{counts:?}");
+    }
 }
 
 proptest! {
