@@ -211,13 +211,10 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     }
     if let Task::Simplify(simplify) = &job.task {
         bounded::check_request(simplify)?;
-    }
-    if let Task::Simplify(simplify) = &job.task
-        && simplify.goal.triangles_wanted(0).is_none()
-        && !simplify.is_clustering()
-        && !simplify.is_bounded()
-    {
-        return Err(Error::Request("cells are a goal for clustering only".to_owned()));
+        let has_count = simplify.is_bounded() || simplify.goal.triangles_wanted(0).is_some();
+        if !has_count && !simplify.is_clustering() {
+            return Err(Error::Request("cells are a goal for clustering only".to_owned()));
+        }
     }
     if let Task::Simplify(simplify) = &job.task
         && simplify.begins_with_cells()
