@@ -175,7 +175,7 @@ fn sorting(c: &mut Criterion) {
     let place = |i: u64| i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let items: Vec<Item> = (0..TRIANGLES).map(|i| Item([place(i), i, 0, 0, 0])).collect();
     let (stage, memory_bytes) = (StageId::Sort, 4 * TRIANGLES * size_of::<Item>() as u64);
-    let config = SortConfig { stage, memory_bytes, engine: Engine::Auto };
+    let config = SortConfig { stage, memory_bytes, engine: Engine::Auto, step: None };
     let mut group = c.benchmark_group("sort");
     group.throughput(Throughput::Elements(TRIANGLES));
     group.bench_function("a bucket", |b| {

@@ -42,7 +42,7 @@ fn measure(source: &Source<Point>, workspace: &Workspace, wanted: &[String]) -> 
     let memory_bytes = workspace.budget().limit_bytes();
     let (axis, displacement_max) = (SweepAxis::Z, order.displacement_max[2]);
     let sort = |method| -> Result<u64> {
-        let config = Config { axis, method, memory_bytes };
+        let config = Config { axis, method, memory_bytes, steps: None };
         Ok(presort::presort(source, &config, workspace, &monitor, |_| Ok(()))?.triangles)
     };
     let read = || -> Result<u64> {

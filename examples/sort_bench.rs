@@ -83,7 +83,8 @@ fn measure_sort(name: &str, workspace: &Workspace) -> Result<()> {
     let input = written(workspace, SORT_COUNT, |i| Item([key(i), i, 0]))?;
     let copy = copy_time(&input, workspace);
     let engine = if name == "merge" { Engine::Merge } else { Engine::Auto };
-    let config = sort::Config { stage: StageId::Sort, memory_bytes: SORT_MEMORY, engine };
+    let config =
+        sort::Config { stage: StageId::Sort, memory_bytes: SORT_MEMORY, engine, step: None };
     let monitor = Monitor::silent();
     let watch = Stopwatch::start();
     let output = if name == "sort" || name == "merge" {

@@ -8,13 +8,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use serde::{Deserialize, Serialize};
+
 use crate::progress::Cancelled;
 
 /// Result with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// A place inside an input. Every field that is known is filled in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Position {
     /// 1-based line, for text formats only.
     pub line: Option<u64>,
@@ -212,6 +214,16 @@ pub enum Error {
     /// The request contradicts itself or the input.
     #[error("{0}")]
     Request(String),
+    /// A job failed, and what it had done by then is kept: a run can go on from it.
+    #[error("{error}")]
+    Unfinished {
+        /// Why it failed.
+        error: Box<Error>,
+        /// Where what is done is.
+        workspace: PathBuf,
+        /// Bytes it takes on disk.
+        size_bytes: u64,
+    },
     /// The caller asked us to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -223,6 +223,18 @@ pub(super) struct Convert {
     #[arg(long)]
     pub(super) dry_run: bool,
 
+    /// Go on where a run of the same command died: from what it left in --temp-dir
+    #[arg(long)]
+    pub(super) resume: bool,
+
+    /// Leave the temporary files when done
+    #[arg(long)]
+    pub(super) keep_temp: bool,
+
+    /// Keep what is done at most so often, to go on from with --resume
+    #[arg(long, value_name = "SECONDS", default_value = "60", hide = true)]
+    pub(super) checkpoint_seconds: u32,
+
     #[command(flatten)]
     pub(super) run: Run,
 }

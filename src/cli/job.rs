@@ -1,12 +1,15 @@
 //! What was typed, and what it means on this machine: pure, and tested flag by flag.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use meshmill::{
     Error, Result,
     formats::{self, Compression, Format},
     geometry,
-    pipeline::{self, Job, Task},
+    pipeline::{self, End, Job, Keeping, Start, Task},
     soup::{InputPath, SweepAxis},
     stages::convert::export::Target,
     storage::Overwrite,
@@ -126,7 +129,17 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
         threads: threads(&args.run.machine, host),
         temp_dir: temp_dir(&args.run.machine, folder, host),
         target,
+        keeping: Some(keeping(args)),
     })
+}
+
+/// What the job begins with and what it leaves.
+fn keeping(args: &Convert) -> Keeping {
+    Keeping {
+        start: if args.resume { Start::Resume } else { Start::Anew },
+        end: if args.keep_temp { End::Keep } else { End::Remove },
+        interval: Duration::from_secs(args.checkpoint_seconds.into()),
+    }
 }
 
 /// Folder for temporary files where there is no output. Unlike `/tmp` it is on a disk.

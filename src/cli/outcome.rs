@@ -20,12 +20,24 @@ pub(super) const SHORT_OF_TARGET: u8 = 4;
 /// Says why a command failed, and ends it.
 pub(super) fn fail(error: &Error, signal: Option<i32>, display: &Display) -> ExitCode {
     display.close();
+    let (error, kept) = match error {
+        Error::Unfinished { error, workspace, size_bytes } => {
+            (&**error, Some((workspace, bytesize::ByteSize(*size_bytes))))
+        }
+        error => (error, None),
+    };
     let code = match (error, signal) {
         (Error::Cancelled(_), Some(signal)) => 128 + signal as u8,
         _ => code(error),
     };
     if !is_closed_pipe(error) {
         complain(&text(error));
+    }
+    if let Some((workspace, size)) = kept {
+        let path = workspace.display();
+        complain(&format!(
+            "what is done is kept in {path} ({size}): the same command with --resume goes on from it"
+        ));
     }
     ExitCode::from(code)
 }

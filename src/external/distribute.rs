@@ -13,7 +13,8 @@ use super::{
 use crate::{
     error::Result,
     storage::{
-        FullBuffers, Record, RecordFile, RecordWriter, Stretch, Sum, Workspace, open_files_max,
+        FileEntry, FullBuffers, Kept, Record, RecordFile, RecordWriter, Stretch, Sum, Workspace,
+        open_files_max,
     },
 };
 
@@ -115,11 +116,27 @@ impl<R: Record> Buckets<R> {
     pub(super) fn create(workspace: &Workspace, name: &str, config: &Config) -> Result<Self> {
         let Config { buckets, memory_bytes } = *config;
         assert!(buckets <= BUCKETS_MAX, "too many buckets");
-        let buffer_bytes = memory_bytes / 4 / buckets.max(1) as u64;
-        let buffer_bytes = buffer_bytes.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize;
+        let buffer_bytes = buffer_bytes(config);
         let create = |_| RecordWriter::create_buffered(workspace, name, None, buffer_bytes);
         let writers = (0..buckets).map(create).collect::<Result<_>>()?;
         Ok(Self { writers, memory_bytes, spare: Spare::default() })
+    }
+
+    /// Goes on with buckets that were noted, see [`Self::kept`].
+    pub(super) fn reopen(
+        workspace: &Workspace,
+        entries: &[FileEntry],
+        config: &Config,
+    ) -> Result<Self> {
+        let (memory_bytes, buffer_bytes) = (config.memory_bytes, buffer_bytes(config));
+        let reopen = |entry| RecordWriter::reopen(workspace, entry, buffer_bytes);
+        let writers = entries.iter().map(reopen).collect::<Result<_>>()?;
+        Ok(Self { writers, memory_bytes, spare: Spare::default() })
+    }
+
+    /// The buckets as they are now, to be noted.
+    pub(super) fn kept(&mut self) -> Result<Vec<Kept>> {
+        self.writers.iter_mut().map(RecordWriter::kept).collect()
     }
 
     /// Sends `records` to their buckets, in order. `convert` makes what is stored of a record
@@ -209,6 +226,12 @@ impl<R: Record> Buckets<R> {
     pub(super) fn finish(self) -> Result<Vec<RecordFile<R>>> {
         self.writers.into_iter().map(RecordWriter::finish).collect()
     }
+}
+
+/// Bytes of the buffer of each bucket.
+fn buffer_bytes(config: &Config) -> usize {
+    let bytes = config.memory_bytes / 4 / config.buckets.max(1) as u64;
+    bytes.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize
 }
 
 const WHOLE: &str = "a panic of one thread ends all";

@@ -19,6 +19,12 @@ pub trait SortKey: Copy + Ord + Debug + Send + Sync + 'static {
 
     /// `(self - first) >> shift`; `first` is at most `self` and the result fits in 32 bits.
     fn digit_above(self, first: Self, shift: u32) -> usize;
+
+    /// As text, for the journal.
+    fn to_hex(self) -> String;
+
+    /// What [`Self::to_hex`] made; `None` of anything else.
+    fn from_hex(text: &str) -> Option<Self>;
 }
 
 macro_rules! sort_key {
@@ -39,6 +45,14 @@ macro_rules! sort_key {
             #[inline]
             fn digit_above(self, first: Self, shift: u32) -> usize {
                 ((self - first) >> shift) as usize
+            }
+
+            fn to_hex(self) -> String {
+                format!("{self:x}")
+            }
+
+            fn from_hex(text: &str) -> Option<Self> {
+                <$integer>::from_str_radix(text, 16).ok()
             }
         }
     )*};

@@ -24,6 +24,7 @@ mod join_place;
 mod join_resolve;
 mod merge;
 mod sort_distribution;
+mod sort_journal;
 mod sort_merge;
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use super::{
     distribute::chunk_records,
     in_memory::{sample_slice, scratch_bytes, sort_parallel},
     sort_distribution::{Bucket, Distribution, bucket_count, cut_large, emit_sorted, write_sorted},
+    sort_journal::{note_buckets, note_runs},
     sort_merge::Runs,
     splitters::drifts,
 };
@@ -41,6 +42,9 @@ pub struct Config {
     pub memory_bytes: u64,
     /// How to sort what does not fit.
     pub engine: Engine,
+    /// What the sort is called in the journal of its workspace, see [`Sorter::noted`]; it is not
+    /// noted without.
+    pub step: Option<&'static str>,
 }
 
 /// Sorts a file, which is removed as soon as it has been read (if no one else holds it).
@@ -81,21 +85,29 @@ pub fn sort_into<R: Keyed>(
 /// Takes records in any order and gives them back sorted: for callers who make the records, so
 /// that the unsorted ones need no file.
 pub struct Sorter<'a, R: Keyed> {
-    config: Config,
-    workspace: &'a Workspace,
+    pub(super) config: Config,
+    pub(super) workspace: &'a Workspace,
     monitor: &'a Monitor<'a>,
     /// Never longer than `chunk_records_max`.
     chunk: Vec<R>,
     chunk_records_max: usize,
-    spilled: Spilled<'a, R>,
-    count: u64,
+    pub(super) spilled: Spilled<'a, R>,
+    pub(super) count: u64,
+    /// Records on the disk, the first ones.
+    pub(super) held: u64,
+    /// Those of them that were there before this run, and how many of those have come again.
+    pub(super) held_before: u64,
+    pub(super) passed_over: u64,
 }
 
 /// What has left memory.
-enum Spilled<'a, R: Keyed> {
+pub(super) enum Spilled<'a, R: Keyed> {
     Nothing,
     ToBuckets(Distribution<R>),
     ToRuns(Box<Runs<'a, R>>),
+    /// All of it, before this run began.
+    InBuckets(Vec<Bucket<R>>),
+    InRuns(Box<Runs<'a, R>>),
 }
 
 /// Keys of the first memory load that decide the engine and the buckets.
@@ -114,6 +126,9 @@ impl<'a, R: Keyed> Sorter<'a, R> {
             chunk_records_max: chunk_records(config.memory_bytes, record_bytes),
             spilled: Spilled::Nothing,
             count: 0,
+            held: 0,
+            held_before: 0,
+            passed_over: 0,
         }
     }
 
@@ -122,7 +137,11 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     /// # Errors
     /// [`crate::Error::Io`] when the disk does not take what does not fit in memory.
     pub fn push(&mut self, mut records: &[R]) -> Result<()> {
+        if self.is_filled() {
+            return Ok(());
+        }
         self.count += records.len() as u64;
+        records = self.without_held(records);
         while !records.is_empty() {
             if self.chunk.len() == self.chunk_records_max {
                 self.spill()?;
@@ -148,15 +167,47 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         !matches!(self.spilled, Spilled::Nothing)
     }
 
+    /// Ends the input: what went to the disk is there in whole, and noted if it is to be.
+    ///
+    /// # Errors
+    /// As [`sort`].
+    pub fn end_input(&mut self) -> Result<()> {
+        self.check_held()?;
+        let Self { config, workspace, monitor, count, .. } = self;
+        let buckets = match std::mem::replace(&mut self.spilled, Spilled::Nothing) {
+            Spilled::Nothing => return Ok(()),
+            Spilled::ToRuns(mut runs) => {
+                drop(runs.spill(std::mem::take(&mut self.chunk))?);
+                note_runs(&runs, *count, config, workspace)?;
+                self.spilled = Spilled::InRuns(runs);
+                return Ok(());
+            }
+            Spilled::InRuns(runs) => {
+                self.spilled = Spilled::InRuns(runs);
+                return Ok(());
+            }
+            Spilled::ToBuckets(mut distribution) => {
+                distribution.append(&std::mem::take(&mut self.chunk))?;
+                distribution.finish()?
+            }
+            Spilled::InBuckets(buckets) => buckets,
+        };
+        // With less memory than in the run before, buckets that were small enough are not.
+        let buckets = cut_large(buckets, config, workspace, monitor)?;
+        note_buckets(&buckets, *count, config, workspace)?;
+        self.spilled = Spilled::InBuckets(buckets);
+        Ok(())
+    }
+
     /// Sorts what was added and writes it to a file.
     ///
     /// # Errors
     /// As [`sort`].
-    pub fn finish(self) -> Result<RecordFile<R>> {
+    pub fn finish(mut self) -> Result<RecordFile<R>> {
+        self.end_input()?;
         let Self { config, workspace, monitor, count, .. } = self;
         let mut writer = RecordWriter::create(workspace, "sorted", Some(count))?;
-        if let Spilled::ToBuckets(distribution) = self.spilled {
-            let buckets = finish_buckets(distribution, self.chunk, &config, workspace, monitor)?;
+        if let Spilled::InBuckets(buckets) = self.spilled {
             let meter = monitor.meter(config.stage, Some(count));
             write_sorted(buckets, config.memory_bytes, &meter, &mut writer)?;
             meter.finish();
@@ -170,26 +221,24 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     ///
     /// # Errors
     /// As [`sort`], and what `sink` returns.
-    pub fn finish_into(self, mut sink: impl FnMut(&[R]) -> Result<()>) -> Result<()> {
-        let Self { config, workspace, monitor, mut chunk, spilled, count, .. } = self;
+    pub fn finish_into(mut self, mut sink: impl FnMut(&[R]) -> Result<()>) -> Result<()> {
+        self.end_input()?;
+        let Self { config, monitor, mut chunk, spilled, count, .. } = self;
+        let memory_bytes = config.memory_bytes;
         match spilled {
+            Spilled::InRuns(runs) => return runs.merge_into(sink),
+            Spilled::InBuckets(buckets) => {
+                let meter = monitor.meter(config.stage, Some(count));
+                emit_sorted(buckets, memory_bytes, |records| emit(records, &meter, &mut sink))?;
+                meter.finish();
+            }
             Spilled::Nothing => {
                 sort_parallel(&mut chunk);
                 let meter = monitor.meter(config.stage, Some(count));
                 emit(&chunk, &meter, &mut sink)?;
                 meter.finish();
             }
-            Spilled::ToBuckets(distribution) => {
-                let buckets = finish_buckets(distribution, chunk, &config, workspace, monitor)?;
-                let meter = monitor.meter(config.stage, Some(count));
-                let memory_bytes = config.memory_bytes;
-                emit_sorted(buckets, memory_bytes, |records| emit(records, &meter, &mut sink))?;
-                meter.finish();
-            }
-            Spilled::ToRuns(mut runs) => {
-                drop(runs.spill(chunk)?);
-                runs.merge_into(sink)?;
-            }
+            Spilled::ToBuckets(_) | Spilled::ToRuns(_) => unreachable!("the input has ended"),
         }
         Ok(())
     }
@@ -241,8 +290,11 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         if matches!(self.spilled, Spilled::Nothing) {
             self.spilled = self.choose_engine()?;
         }
+        self.held += self.chunk.len() as u64;
         match &mut self.spilled {
-            Spilled::Nothing => unreachable!("an engine was chosen above"),
+            Spilled::Nothing | Spilled::InBuckets(_) | Spilled::InRuns(_) => {
+                unreachable!("an engine was chosen above, and nothing is pushed after the end")
+            }
             Spilled::ToBuckets(distribution) => {
                 distribution.append(&self.chunk)?;
                 self.chunk.clear();
@@ -251,7 +303,7 @@ impl<'a, R: Keyed> Sorter<'a, R> {
                 self.chunk = runs.spill(std::mem::take(&mut self.chunk))?;
             }
         }
-        Ok(())
+        self.checkpoint()
     }
 
     /// Decides by the first full chunk.
@@ -274,19 +326,6 @@ impl<'a, R: Keyed> Sorter<'a, R> {
             )?)
         })
     }
-}
-
-/// Sends the last chunk to the buckets, and cuts those that are too large.
-fn finish_buckets<R: Keyed>(
-    mut distribution: Distribution<R>,
-    chunk: Vec<R>,
-    config: &Config,
-    workspace: &Workspace,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<Bucket<R>>> {
-    distribution.append(&chunk)?;
-    drop(chunk);
-    cut_large(distribution.finish()?, config, workspace, monitor)
 }
 
 /// Passes `records` on in batches, so that a large result can be cancelled too.
@@ -315,7 +354,7 @@ mod tests {
     const ENGINES: [Engine; 3] = [Engine::Auto, Engine::Distribution, Engine::Merge];
 
     fn config(engine: Engine, memory_bytes: u64) -> Config {
-        Config { stage: StageId::Sort, memory_bytes, engine }
+        Config { stage: StageId::Sort, memory_bytes, engine, step: None }
     }
 
     /// Sorts as a file and as records pushed, and checks both against the standard library.

@@ -35,15 +35,15 @@ pub(super) fn bucket_count(size_bytes: Option<u64>, memory_bytes: u64) -> usize 
 
 /// A distribution under way.
 pub(super) struct Distribution<R: Keyed> {
-    splitters: Splitters<R::Key>,
-    buckets: Buckets<R>,
+    pub(super) splitters: Splitters<R::Key>,
+    pub(super) buckets: Buckets<R>,
 }
 
 /// A bucket on disk, not yet sorted.
 pub(super) struct Bucket<R> {
-    file: RecordFile<R>,
+    pub(super) file: RecordFile<R>,
     /// All keys are equal, so that the bucket is sorted as it is.
-    one_key: bool,
+    pub(super) one_key: bool,
 }
 
 impl<R: Keyed> Distribution<R> {

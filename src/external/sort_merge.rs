@@ -23,7 +23,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     progress::{Meter, Monitor},
-    storage::{ForeignFolder, RecordFile, RecordWriter, Workspace},
+    storage::{ForeignFolder, Kept, RecordFile, RecordWriter, Workspace},
 };
 
 /// Sorted runs on disk.
@@ -35,18 +35,44 @@ pub(super) struct Runs<'a, R: Keyed> {
     group: Option<Group<R>>,
     /// Groups that are merged already, in input order.
     merged: Vec<RecordFile<R>>,
+    /// Runs are files of ours at once, so that they can be noted.
+    is_noted: bool,
 }
 
 impl<'a, R: Keyed> Runs<'a, R> {
     pub(super) fn new(config: &Config, workspace: &'a Workspace, monitor: &'a Monitor<'a>) -> Self {
+        Self::of_files(Vec::new(), config, workspace, monitor)
+    }
+
+    /// Goes on behind runs that are there.
+    pub(super) fn of_files(
+        merged: Vec<RecordFile<R>>,
+        config: &Config,
+        workspace: &'a Workspace,
+        monitor: &'a Monitor<'a>,
+    ) -> Self {
         let shape = Shape::within::<R>(config.memory_bytes);
-        Self { config: *config, workspace, monitor, shape, group: None, merged: Vec::new() }
+        let is_noted = config.step.is_some() && workspace.is_journaled();
+        Self { config: *config, workspace, monitor, shape, group: None, merged, is_noted }
+    }
+
+    /// The runs, to be noted.
+    pub(super) fn kept(&self) -> Vec<Kept> {
+        self.merged.iter().map(RecordFile::kept).collect()
     }
 
     /// Sorts a chunk of the input and stores it as a run. All chunks but the last have the same
     /// length. Gives the emptied vector back.
     pub(super) fn spill(&mut self, mut chunk: Vec<R>) -> Result<Vec<R>> {
         sort_parallel(&mut chunk);
+        if self.is_noted {
+            let count = Some(chunk.len() as u64);
+            let mut writer = RecordWriter::create(self.workspace, "run", count)?;
+            writer.extend(&chunk)?;
+            self.merged.push(writer.finish()?);
+            chunk.clear();
+            return Ok(chunk);
+        }
         if self.group.as_ref().is_some_and(|group| group.runs == self.shape.runs_max) {
             self.merge_group()?;
         }

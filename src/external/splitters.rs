@@ -52,6 +52,17 @@ impl<K: SortKey> Splitters<K> {
         Self::of_bounds(bounds)
     }
 
+    /// Those with the bounds of others, see [`Self::bounds`]; `None` if they are no bounds.
+    pub(super) fn of_noted(bounds: Vec<K>) -> Option<Self> {
+        let are_bounds = !bounds.is_empty() && bounds.is_sorted_by(|a, b| a < b);
+        (are_bounds && bounds.len() < usize::from(u16::MAX)).then(|| Self::of_bounds(bounds))
+    }
+
+    /// The bounds between the buckets.
+    pub(super) fn bounds(&self) -> &[K] {
+        &self.bounds
+    }
+
     fn of_bounds(bounds: Vec<K>) -> Self {
         let (first, last) = (bounds[0], bounds[bounds.len() - 1]);
         let bits = last.bits_above(first);

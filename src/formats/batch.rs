@@ -58,6 +58,18 @@ impl Faces {
         }
     }
 
+    /// Removes the first `faces`.
+    fn drop_front(&mut self, faces: usize) {
+        let cut = match faces.checked_sub(1) {
+            None => 0,
+            Some(last) if self.ends.is_empty() => 3 * (last + 1),
+            Some(last) => self.ends[last] as usize,
+        };
+        self.corners.drain(..cut);
+        self.ends.drain(..faces.min(self.ends.len()));
+        self.ends.iter_mut().for_each(|end| *end -= cut as u64);
+    }
+
     /// Removes all faces, keeps the memory.
     pub fn clear(&mut self) {
         self.corners.clear();
@@ -81,6 +93,16 @@ impl Batch {
         self.positions.clear();
         self.colors.clear();
         self.faces.clear();
+    }
+
+    /// Removes the first `records`.
+    pub fn drop_front(&mut self, records: usize) {
+        let corners = if self.content == Content::Soup { 3 * records } else { records };
+        self.positions.drain(..corners.min(self.positions.len()));
+        self.colors.drain(..corners.min(self.colors.len()));
+        if self.content == Content::Faces {
+            self.faces.drop_front(records);
+        }
     }
 
     /// Records held: vertices, faces or soup triangles.
@@ -108,5 +130,25 @@ mod tests {
         faces.push(&[7, 8, 9]);
         let listed: Vec<_> = faces.iter().map(<[u64]>::to_vec).collect();
         assert_eq!(listed, [vec![0, 1, 2], vec![2, 1, 3], vec![4, 5, 6, 7], vec![7, 8, 9]]);
+    }
+
+    #[test]
+    fn what_is_behind_the_first_records_stays() {
+        let mut batch = Batch { content: Content::Faces, ..Batch::default() };
+        for face in [&[0, 1, 2][..], &[2, 1, 3], &[4, 5, 6, 7], &[7, 8, 9]] {
+            batch.faces.push(face);
+        }
+        batch.drop_front(2);
+        let listed: Vec<_> = batch.faces.iter().map(<[u64]>::to_vec).collect();
+        assert_eq!(listed, [vec![4, 5, 6, 7], vec![7, 8, 9]]);
+        batch.drop_front(0);
+        assert_eq!(batch.count(), 2);
+        batch.faces = Faces { corners: (0..9).collect(), ends: Vec::new() };
+        batch.drop_front(2);
+        assert_eq!(batch.faces.corners, [6, 7, 8]);
+        let positions = (0..9_u8).map(|i| [f32::from(i); 3]).collect();
+        let mut soup = Batch { content: Content::Soup, positions, ..Batch::default() };
+        soup.drop_front(1);
+        assert_eq!((soup.count(), soup.positions[0]), (2, [3.0; 3]));
     }
 }

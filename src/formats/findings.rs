@@ -1,10 +1,12 @@
 //! What a reader noticed on its way: defects, with the place of the first of each kind, and
 //! attributes that are not carried.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::Position;
 
 /// A kind of defect that does not end the read by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum DefectKind {
     /// A vertex or soup triangle with a coordinate that is no finite number.
@@ -38,7 +40,7 @@ impl DefectKind {
 }
 
 /// How often a defect occurs, and where first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Defect {
     /// Kind.
     pub kind: DefectKind,
@@ -49,7 +51,7 @@ pub struct Defect {
 }
 
 /// All a reader noticed. Complete once the reader has returned `false`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Findings {
     /// One entry per kind, in order of first occurrence.
     pub defects: Vec<Defect>,

@@ -1,5 +1,7 @@
 //! The reading side of a format: what is asked of it and what it answers.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Batch, Findings, Format, Origin, fault::Result};
 
 /// What happens to a single bad vertex or face. Truncation is never skipped.
@@ -25,7 +27,7 @@ pub struct ReadOptions {
 }
 
 /// What an input says of itself before its records are read.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[expect(clippy::struct_excessive_bools, reason = "independent facts, each read by its name")]
 pub struct Declared {
     /// Whether the batches are vertices and faces, or soup.

@@ -4,6 +4,7 @@
 //! legal is no matter of theirs.
 
 use glam::Vec3;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::{Mesh, Patch, ring::Wing};
 use crate::soup::VertexQuadric;
@@ -21,8 +22,8 @@ pub struct Candidate {
 
 /// What the vertices of a mesh remember, and pass on when they are collapsed.
 pub trait Memory: Sized + Send + Sync + 'static {
-    /// What a vertex carries from one mesh to the next.
-    type Carried: Copy + Default + Send;
+    /// What a vertex carries from one mesh to the next; made of numbers of four bytes.
+    type Carried: Copy + Default + Send + FromBytes + IntoBytes + Immutable;
     /// What a vertex holds while its mesh is decimated.
     type Held: Copy + Default + Send;
 

@@ -2,12 +2,13 @@
 //! holds, wherever the mesh lies.
 
 use glam::{DMat3, DVec3, Vec3, Vec4};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// E(x) = dᵀ A d + 2 b·d + c with d = x − p, for a vertex at p: squared distances to the planes of
 /// the faces it stands for, each weighted by the face's area.
 ///
 /// A vertex of the original mesh lies on all its planes: b and c are zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Quadric {
     /// A: xx, xy, xz, yy, yz, zz.

@@ -1,6 +1,7 @@
 //! The mesh: vertices, faces, and for each vertex the list of its corners.
 
 use glam::{Vec3, Vec4};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::{
     Patch,
@@ -84,7 +85,8 @@ impl Spot {
 pub(super) const UNKNOWN: f32 = -1.0;
 
 /// Mean colour of what a vertex stands for, weighted by area.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
 pub struct Color {
     /// Sum of the colours, times their weights.
     pub rgba: [f32; 4],

@@ -1,5 +1,7 @@
 //! Clustering to a wanted count: estimated, done, and done again where the estimate was off.
 
+use serde::{Deserialize, Serialize};
+
 use super::{ClusterReport, Goal, Simplify, hybrid::FACTOR, run::Run};
 use crate::{
     error::{Error, Result},
@@ -92,13 +94,9 @@ impl<V: Vertex> Clustered<V> {
         self.mesh.counts().triangles >= self.least
     }
 
-    /// Whether there are enough triangles where there were not, or a count nearer to the wanted one.
-    fn is_better_than(&self, other: &Self) -> bool {
-        match (self.is_enough(), other.is_enough()) {
-            (true, false) => true,
-            (false, true) => false,
-            _ => self.off_by() < other.off_by(),
-        }
+    /// How good it is, with the cells it was made of.
+    fn standing(&self, cells: Option<u64>) -> Standing {
+        Standing { cells, off_by: self.off_by().to_bits(), is_enough: self.is_enough() }
     }
 
     /// Factor between the count and the wanted one, at least 1.
@@ -123,17 +121,63 @@ enum Kept {
     Source,
 }
 
+/// What the attempts so far are called in the journal of the workspace.
+const TRIED: &str = "cluster: attempts";
+
+/// The attempts so far. Numbers of cells are the bits of an `f64`; without one, the cells are those
+/// of the first attempt, from the estimate.
+#[derive(Default, Serialize, Deserialize)]
+struct Tried {
+    made: u32,
+    search: Search,
+    /// Cells of the next one.
+    next: Option<u64>,
+    best: Option<Standing>,
+    /// Triangles that the first was expected to leave.
+    estimated: Option<u64>,
+}
+
+/// How good an attempt was.
+#[derive(Serialize, Deserialize)]
+struct Standing {
+    cells: Option<u64>,
+    /// Bits of [`Clustered::off_by`].
+    off_by: u64,
+    is_enough: bool,
+}
+
+impl Standing {
+    /// Whether there are enough triangles where there were not, or a count nearer to the wanted one.
+    fn is_better_than(&self, other: &Self) -> bool {
+        match (self.is_enough, other.is_enough) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => f64::from_bits(self.off_by) < f64::from_bits(other.off_by),
+        }
+    }
+}
+
 /// The search for the number of cells, not always whole, along the longest side.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 struct Search {
     /// Cells that gave too few triangles, last.
-    few: Option<f64>,
+    few: Option<Cells>,
     /// Cells that gave too many, last.
-    many: Option<f64>,
+    many: Option<Cells>,
     /// Attempts in a row that were off in the same direction as the one before.
     repeated: i32,
     /// Whether the last attempt gave too few.
     last_few: bool,
+}
+
+/// A number of cells by its bits: journals hold integers.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Cells(u64);
+
+impl Cells {
+    fn get(self) -> f64 {
+        f64::from_bits(self.0)
+    }
 }
 
 impl Search {
@@ -144,10 +188,10 @@ impl Search {
         self.repeated = if is_few == self.last_few && !is_first { self.repeated + 1 } else { 0 };
         self.last_few = is_few;
         let side = if is_few { &mut self.few } else { &mut self.many };
-        *side = Some(cells);
+        *side = Some(Cells(cells.to_bits()));
         // Triangles grow with the square of the cells, about; where they do not, steps grow.
         let step = cells * ratio.powf(-0.5 * f64::from(1 << self.repeated.min(4)));
-        let next = match (self.few, self.many) {
+        let next = match (self.few.map(Cells::get), self.many.map(Cells::get)) {
             (Some(few), Some(many)) => {
                 let is_between = step > few.min(many) && step < few.max(many);
                 if is_between && self.repeated == 0 { step } else { (few * many).sqrt() }
@@ -179,36 +223,57 @@ impl Run<'_> {
         let Imported { outcome, inputs: reopen } = imported;
         let repeatable = reopen.iter().all(Input::is_repeatable);
         let mut imported = Some(outcome);
-        let (mut best, mut cells): (Option<Clustered<V>>, _) = (None, None);
-        let mut search = Search::default();
-        for attempt in 1..=ATTEMPTS_MAX {
-            let outcome = if let Some(outcome) = imported.take() {
-                outcome
-            } else {
-                let inputs = reopen.iter().map(Input::open).collect::<Result<_>>()?;
-                self.import(inputs, Need::Survey)?
-            };
+        let noted = self.workspace.recall::<Tried>(TRIED).map(|recalled| recalled.figures);
+        let mut tried = noted.unwrap_or_default();
+        let mut best: Option<Clustered<V>> = None;
+        while tried.made < ATTEMPTS_MAX {
+            let outcome = self.again(&mut imported, &reopen)?;
             let longest = outcome.survey.bounds.size().max_element();
+            let cells = tried.next.map(f64::from_bits);
             let (grid, estimated) = self.grid(&outcome.survey, (simplify.goal, purpose), cells)?;
             let kept = if repeatable { Kept::No } else { Kept::Source };
             let (next, outcome) = self.cluster_once(outcome, (simplify, purpose), grid, kept)?;
             imported = outcome;
             let (ratio, is_good) = (next.ratio(), next.is_good());
-            let tried = cells.unwrap_or_else(|| (longest / grid.cell_size()).max(1.0));
-            let estimate = estimated.or(best.as_ref().and_then(|b| b.report.triangles_estimated));
-            if best.as_ref().is_none_or(|best| next.is_better_than(best)) {
-                best = Some(next);
+            let of = cells.unwrap_or_else(|| (longest / grid.cell_size()).max(1.0));
+            tried.made += 1;
+            tried.estimated = estimated.or(tried.estimated);
+            let standing = next.standing(tried.next);
+            if tried.best.as_ref().is_none_or(|best| standing.is_better_than(best)) {
+                (tried.best, best) = (Some(standing), Some(next));
             }
-            let report = &mut best.as_mut().expect("the first is better than none").report;
-            (report.attempts, report.triangles_estimated) = (attempt, estimate);
-            let more = search.next(tried, ratio);
-            let is_stuck = longest <= 0.0 || (more / tried - 1.0).abs() < STEP_MIN;
+            let more = tried.search.next(of, ratio);
+            let is_stuck = longest <= 0.0 || (more / of - 1.0).abs() < STEP_MIN;
             if is_good || is_stuck {
                 break;
             }
-            cells = Some(more);
+            tried.next = Some(more.to_bits());
+            self.workspace.note(TRIED, &tried, Vec::new())?;
         }
-        Ok(best.expect("the first attempt is better than none"))
+        let mut best = if let Some(best) = best {
+            best
+        } else {
+            // It was made by a run before this one.
+            let outcome = self.again(&mut imported, &reopen)?;
+            let cells = tried.best.as_ref().and_then(|best| best.cells).map(f64::from_bits);
+            let (grid, _) = self.grid(&outcome.survey, (simplify.goal, purpose), cells)?;
+            self.cluster_once(outcome, (simplify, purpose), grid, Kept::No)?.0
+        };
+        (best.report.attempts, best.report.triangles_estimated) = (tried.made, tried.estimated);
+        Ok(best)
+    }
+
+    /// The inputs as they were imported, or imported again.
+    fn again<V: Vertex>(
+        &self,
+        imported: &mut Option<Outcome<V>>,
+        reopen: &[Input],
+    ) -> Result<Outcome<V>> {
+        if let Some(outcome) = imported.take() {
+            return Ok(outcome);
+        }
+        let inputs = reopen.iter().map(Input::open).collect::<Result<_>>()?;
+        self.import(inputs, Need::Survey)
     }
 
     /// The cells to use and the count expected of them.

@@ -25,6 +25,7 @@ use crate::{
         },
         inspect::deviation::{self, Outcome, Surface, Target},
     },
+    storage::Workspace,
 };
 
 /// What to compare, and with what.
@@ -194,7 +195,8 @@ pub fn compare(compare: &Compare, monitor: &Monitor) -> Result<CompareReport> {
     }
     compare.picture.as_ref().map_or(Ok(()), |picture| picture.check(compare))?;
     let [a, b] = [compare.open(&compare.a)?, compare.open(&compare.b)?];
-    let room = room(compare.threads, &compare.temp_dir, compare.memory_bytes)?;
+    let workspace = Workspace::create(&compare.temp_dir)?;
+    let room = room(compare.threads, workspace, compare.memory_bytes)?;
     room.threads.install(|| compare.measure([a, b], &room, monitor))
 }
 

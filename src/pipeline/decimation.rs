@@ -1,5 +1,7 @@
 //! Decimation to a wanted count: the stream put in order, cut into slabs, and finished.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     DecimateReport, Goal, Job, Simplify,
     run::Run,
@@ -45,6 +47,31 @@ struct Sampled<V> {
 impl<V: Vertex> Sampled<V> {
     fn threshold(self, config: &decimate::Config) -> Option<decimate::Threshold> {
         decimate::threshold(config, self.blobs.as_ref()?, self.triangles)
+    }
+}
+
+/// What the first pass and the feeding of the slabs are called in the journal of the workspace.
+const LOOKED: &str = "order and threshold";
+const FED: &str = "slabs: fed";
+
+/// What a first pass over the triangles tells, for the journal: numbers by their bits.
+#[derive(Serialize, Deserialize)]
+struct Looked {
+    order: presort::Order,
+    /// Cost, unit and share.
+    threshold: Option<(u32, u32, u64)>,
+}
+
+impl Looked {
+    fn new(order: presort::Order, threshold: Option<decimate::Threshold>) -> Self {
+        let bits = |t: decimate::Threshold| (t.cost.to_bits(), t.unit.to_bits(), t.share.to_bits());
+        Self { order, threshold: threshold.map(bits) }
+    }
+
+    fn threshold(&self) -> Option<decimate::Threshold> {
+        let (cost, unit, share) = self.threshold?;
+        let (cost, unit) = (f32::from_bits(cost), f32::from_bits(unit));
+        Some(decimate::Threshold { cost, unit, share: f64::from_bits(share) })
     }
 }
 
@@ -119,11 +146,13 @@ impl Run<'_> {
         // One slab has no neighbours whose threshold it has to share, and is put in order whole.
         let is_small = source.records().is_some_and(|count| count <= decimate::SLAB_TRIANGLES_MIN);
         let is_one_slab = is_small && simplify.assume_sorted.is_none();
+        let looked = self.workspace.recall::<Looked>(LOOKED).map(|recalled| recalled.figures);
         let sampled = match simplify.assume_sorted {
-            None if !is_one_slab => Some(self.sample(&source, &survey)?),
+            None if !is_one_slab && looked.is_none() => Some(self.sample(&source, &survey)?),
             _ => None,
         };
         let order = sampled.as_ref().map(|sampled| sampled.order);
+        let order = order.or(looked.as_ref().map(|looked| looked.order));
         let triangles = order.map(|order| order.triangles).or(source.records());
         let wanted = match (simplify.goal, triangles) {
             (Goal::Ratio(ratio), _) => Wanted::Ratio(ratio),
@@ -137,7 +166,13 @@ impl Run<'_> {
         let threshold = None;
         let mut config =
             decimate::Config { axis, triangles, wanted, metric, slab_triangles_min, threshold };
-        config.threshold = sampled.and_then(|sampled| sampled.threshold(&config));
+        config.threshold = match looked {
+            Some(looked) => looked.threshold(),
+            None => sampled.and_then(|sampled| sampled.threshold(&config)),
+        };
+        if let Some(order) = order {
+            self.workspace.note(LOOKED, &Looked::new(order, config.threshold), Vec::new())?;
+        }
         let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
         let mut sort = self.presort_config::<V>(axis, displacement_max, &config);
         if is_one_slab {
@@ -148,10 +183,13 @@ impl Run<'_> {
             // The vertex table goes before what is left of the slabs needs its memory.
             let source: Source<V> = source;
             let _room = self.workspace.budget().reserve(sort.memory_bytes);
-            sorted = Some(presort::presort(&source, &sort, self.workspace, self.monitor, sink)?);
+            let outcome = presort::presort(&source, &sort, self.workspace, self.monitor, sink)?;
+            self.workspace.note(FED, &outcome, Vec::new())?;
+            sorted = Some(outcome);
             Ok(())
         })?;
-        let sorted = sorted.expect("decimation has fed itself");
+        let noted = || Some(self.workspace.recall(FED)?.figures);
+        let sorted: presort::Outcome = sorted.or_else(noted).expect("decimation was fed");
         let report = DecimateReport {
             metric: metric.name(),
             axis: axis.name(),

@@ -1,6 +1,6 @@
 //! What is to be done, completely: plain data, made from the command line or by a program.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 use super::Keep;
 use crate::{
@@ -33,6 +33,46 @@ pub struct Job {
     pub threads: usize,
     /// Folder for the workspace; must exist.
     pub temp_dir: PathBuf,
+    /// What it begins with and what it leaves; `None`: with nothing and nothing, even when it fails.
+    pub keeping: Option<Keeping>,
+}
+
+/// What a job does with a workspace that was left for it, and what it leaves itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Keeping {
+    /// What it begins with.
+    pub start: Start,
+    /// What becomes of the workspace when the job is done.
+    pub end: End,
+    /// Time between two checkpoints, at least; what is done in less is not kept when a job fails.
+    pub interval: Duration,
+}
+
+impl Keeping {
+    /// Between two checkpoints, where nobody says otherwise: as much work as a person does not mind
+    /// to lose, and far more than a checkpoint takes.
+    pub const INTERVAL: Duration = Duration::from_secs(60);
+
+    /// From the start, leaving nothing when done.
+    pub const PLAIN: Self = Self { start: Start::Anew, end: End::Remove, interval: Self::INTERVAL };
+}
+
+/// What a job begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Nothing, and what was left by others is not touched.
+    Anew,
+    /// What a run that died left of the same job, if there is any.
+    Resume,
+}
+
+/// What becomes of the workspace of a job that is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// It goes.
+    Remove,
+    /// It stays.
+    Keep,
 }
 
 /// What to do.
@@ -100,6 +140,9 @@ pub enum Method {
 }
 
 impl Method {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Auto, Self::Stream, Self::Cluster, Self::Hybrid];
+
     /// Its name, as on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -12,6 +12,7 @@ use super::{
     machine::Machine,
     method,
     plan::{check_request, plan},
+    resume::{Beginning, note_method, note_start, settle},
 };
 use crate::{
     error::{Error, IoContext as _, Result},
@@ -31,6 +32,8 @@ use crate::{
 pub struct Prepared {
     job: Job,
     inputs: Vec<OpenInput>,
+    /// Where it keeps a journal.
+    beginning: Option<Beginning>,
     /// What will be done.
     pub plan: Plan,
 }
@@ -43,21 +46,30 @@ pub struct Prepared {
 pub fn prepare(job: Job) -> Result<Prepared> {
     check_request(&job)?;
     check_target(&job.inputs, &job.target)?;
-    let open = |path: &InputPath| {
+    let beginning = Beginning::of(&job)?;
+    let open = |(index, path): (usize, &InputPath)| {
         let (format, on_defect) = (job.input_format, job.on_defect);
-        Input { path: path.clone(), format, on_defect, origin: Origin::undecided() }.open()
+        let input = Input { path: path.clone(), format, on_defect, origin: Origin::undecided() };
+        beginning.as_ref().map_or_else(|| input.open(), |beginning| beginning.open(&input, index))
     };
-    let inputs = job.inputs.iter().map(open).collect::<Result<Vec<_>>>()?;
+    let inputs = job.inputs.iter().enumerate().map(open).collect::<Result<Vec<_>>>()?;
+    let mut job = job;
+    let chosen_before = beginning.as_ref().and_then(Beginning::method);
+    if let (Task::Simplify(simplify), Some(method)) = (&mut job.task, chosen_before) {
+        simplify.method = method;
+    }
     let facts: Vec<_> = inputs.iter().map(InputFacts::of).collect();
     let mut plan = plan(&job, &facts)?;
-    check_disk(&job, &plan)?;
+    let held_bytes = beginning.as_ref().map_or(0, Beginning::held_bytes);
+    check_disk(&job, &plan, held_bytes)?;
     let input_bytes = facts.iter().map(|facts| facts.size_bytes).sum();
     let machine = Machine::measure(&facts);
     plan.temp_dir_available_bytes = available_disk_bytes(&job.temp_dir).ok();
     plan.seconds = expected::seconds(&job, &plan, input_bytes, machine);
     plan.unsorted_seconds = expected::unsorted_seconds(&job, &plan, machine);
     let (chosen, _) = method::choose(&job, plan.records)?;
-    Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, plan })
+    plan.notes.extend(beginning.iter().flat_map(|beginning| beginning.notes.iter().cloned()));
+    Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, beginning, plan })
 }
 
 /// Refuses an output that is an input, or that cannot be made.
@@ -74,8 +86,8 @@ pub(super) fn check_target(inputs: &[InputPath], target: &Target) -> Result<()> 
     target.check()
 }
 
-/// Refuses a job that the disks cannot hold.
-fn check_disk(job: &Job, plan: &Plan) -> Result<()> {
+/// Refuses a job that the disks cannot hold, which has `held_bytes` of what it needs.
+fn check_disk(job: &Job, plan: &Plan, held_bytes: u64) -> Result<()> {
     let check = |what, folder: &Path, needed_bytes: Option<u64>| {
         let available_bytes = available_disk_bytes(folder)?;
         match needed_bytes {
@@ -85,7 +97,8 @@ fn check_disk(job: &Job, plan: &Plan) -> Result<()> {
             _ => Ok(()),
         }
     };
-    check("the folder for temporary files", &job.temp_dir, plan.temporary_bytes)?;
+    let more_bytes = plan.temporary_bytes.map(|bytes| bytes.saturating_sub(held_bytes));
+    check("the folder for temporary files", &job.temp_dir, more_bytes)?;
     match &job.target {
         Target::File(path, _) if !is_stream(path) => {
             let folder = path.parent().filter(|folder| *folder != Path::new(""));
@@ -138,13 +151,18 @@ impl Prepared {
         monitor: &Monitor,
         work: impl FnOnce(&Run, Vec<OpenInput>) -> Result<T> + Send,
     ) -> Result<T> {
-        let Room { threads, workspace } =
-            room(self.job.threads, &self.job.temp_dir, self.job.memory_bytes)?;
-        let colored = self.inputs.iter().any(|open| open.reader.declared().colors);
-        let double = self.inputs.iter().any(|open| open.reader.declared().double);
-        let run = Run { job: &self.job, colored, double, workspace: &workspace, monitor };
-        let inputs = self.inputs;
-        threads.install(|| work(&run, inputs))
+        let Self { job, inputs, beginning, .. } = self;
+        let workspace = match beginning {
+            Some(beginning) => beginning.workspace(&job.temp_dir)?,
+            None => Workspace::create(&job.temp_dir)?,
+        };
+        let Room { threads, workspace } = room(job.threads, workspace, job.memory_bytes)?;
+        let colored = inputs.iter().any(|open| open.reader.declared().colors);
+        let double = inputs.iter().any(|open| open.reader.declared().double);
+        let run = Run { job: &job, colored, double, workspace: &workspace, monitor };
+        let result = note_start(&job, &inputs, &workspace)
+            .and_then(|()| threads.install(|| work(&run, inputs)));
+        settle(workspace, job.keeping, result)
     }
 }
 
@@ -155,11 +173,11 @@ pub(super) struct Room {
     pub(super) workspace: Workspace,
 }
 
-/// Starts threads and makes a workspace.
-pub(super) fn room(threads: usize, temp_dir: &Path, memory_bytes: u64) -> Result<Room> {
+/// Starts threads, and gives a workspace its budget.
+pub(super) fn room(threads: usize, workspace: Workspace, memory_bytes: u64) -> Result<Room> {
     let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let threads = threads.map_err(std::io::Error::other).at("start threads in", Path::new("."))?;
-    let workspace = Workspace::create(temp_dir)?.with_budget(Budget::new(memory_bytes));
+    let workspace = workspace.with_budget(Budget::new(memory_bytes));
     Ok(Room { threads, workspace })
 }
 
@@ -191,9 +209,23 @@ impl Run<'_> {
         need: Need,
     ) -> Result<import::Outcome<V>> {
         let config = import::Config { need, table_share: self.job.table_share() };
-        let imported = import::import(inputs, &config, self.workspace, self.monitor)?;
-        let source = dereference::dereference(imported.source, self.workspace, self.monitor)?;
-        Ok(import::Outcome { source, ..imported })
+        let (workspace, monitor) = (self.workspace, self.monitor);
+        let again: Vec<Input> = inputs.iter().map(|open| open.input.clone()).collect();
+        let recalled = import::recall(&again, &config, workspace, monitor)?;
+        let imported = if let Some(imported) = recalled {
+            imported
+        } else {
+            let imported = import::import(inputs, &config, workspace, monitor)?;
+            import::note(&imported, &again, workspace)?;
+            imported
+        };
+        let stored = imported.source.parts_stored();
+        let source = dereference::dereference(imported.source, workspace, monitor)?;
+        let imported = import::Outcome { source, ..imported };
+        if imported.source.parts_stored() > stored {
+            import::note(&imported, &again, workspace)?;
+        }
+        Ok(imported)
     }
 
     fn soup<V: Vertex>(&self, inputs: Vec<OpenInput>) -> Result<Report> {
@@ -238,6 +270,7 @@ impl Run<'_> {
         let outcome = self.import_ordered::<V>(inputs, simplify)?;
         // Where headers do not say how many triangles there are, the method is chosen only now.
         let (job, choice) = method::choose(self.job, Some(outcome.survey.triangles()))?;
+        note_method(&job, self.workspace)?;
         let method_reason = choice.and_then(|choice| choice.reason);
         if let Task::Simplify(simplify) = &job.task
             && simplify.method == Method::Hybrid

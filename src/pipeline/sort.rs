@@ -108,7 +108,8 @@ impl Run<'_> {
             }
             _ => Method::Sort,
         };
-        let config = presort::Config { axis, method, memory_bytes };
+        let steps = Some(presort::STEPS);
+        let config = presort::Config { axis, method, memory_bytes, steps };
         let export = self.export_config::<V>(survey.origin);
         let (workspace, monitor) = (self.workspace, self.monitor);
         let (sorted, written) =
@@ -137,7 +138,6 @@ impl Run<'_> {
         if survey.displacement_max.is_some() || !repeatable || source.records().is_some_and(fits) {
             return Ok(survey.displacement_max);
         }
-        let (order, _) = presort::measure_order(source, self.workspace, self.monitor, |_| false)?;
-        Ok(Some(order.displacement_max))
+        Ok(Some(self.measured_order(source)?.displacement_max))
     }
 }

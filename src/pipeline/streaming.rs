@@ -37,6 +37,9 @@ const ORDER_BYTES_MIN: u64 = 12 << 20;
 /// measured. Where the front of the mesh needs more, the window grows.
 pub(super) const WINDOW_TRIANGLES: usize = 1 << 22;
 
+/// What measuring the order is called in the journal of the workspace.
+const ORDER: &str = "order";
+
 /// Adds the stream to a plan.
 pub(super) fn plan(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan) {
     let sort = match simplify.assume_sorted {
@@ -188,6 +191,16 @@ impl Run<'_> {
         Ok((source, survey, Some(order)))
     }
 
+    /// How far from sorted the triangles are, by a pass over them, in this run or one before it.
+    pub(super) fn measured_order<V: Vertex>(&self, source: &Source<V>) -> Result<presort::Order> {
+        if let Some(recalled) = self.workspace.recall(ORDER) {
+            return Ok(recalled.figures);
+        }
+        let (order, _) = presort::measure_order(source, self.workspace, self.monitor, |_| false)?;
+        self.workspace.note(ORDER, &order, Vec::new())?;
+        Ok(order)
+    }
+
     /// How far from sorted the triangles are: as was found when they were imported, or by a pass.
     pub(super) fn order_of<V: Vertex>(
         &self,
@@ -198,7 +211,7 @@ impl Run<'_> {
             (Some(displacement_max), Some(triangles)) => {
                 presort::Order { displacement_max, triangles }
             }
-            _ => presort::measure_order(source, self.workspace, self.monitor, |_| false)?.0,
+            _ => self.measured_order(source)?,
         })
     }
 }
@@ -232,7 +245,7 @@ pub(super) fn sort_config<V: Vertex>(
             )
         }
     };
-    presort::Config { axis, method, memory_bytes }
+    presort::Config { axis, method, memory_bytes, steps: Some(presort::STEPS) }
 }
 
 impl<V: Vertex> Streaming<V> {

@@ -78,6 +78,18 @@ impl StoredFaces {
         self.corners.size_bytes()
     }
 
+    /// The file they are in.
+    #[must_use]
+    pub fn file(&self) -> &RecordFile<u64> {
+        &self.corners
+    }
+
+    /// So many faces that were written to a file, see [`Self::file`].
+    #[must_use]
+    pub fn of_file(corners: RecordFile<u64>, faces: u64) -> Self {
+        Self { corners, faces }
+    }
+
     /// Starts reading from the first face.
     ///
     /// # Errors

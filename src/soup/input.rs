@@ -8,7 +8,10 @@ use std::{
 
 use crate::{
     error::Result,
-    formats::{self, Format, MeshReader, OnDefect, Origin, ReadOptions},
+    formats::{
+        self, Batch, Declared, Findings, Format, FormatError, MeshReader, OnDefect, Origin,
+        ReadOptions,
+    },
     storage::{IO_BLOCK_BYTES, open_input},
 };
 
@@ -97,6 +100,53 @@ impl Input {
     /// Whether [`Self::open`] can be called again.
     #[must_use]
     pub fn is_repeatable(&self) -> bool {
-        matches!(&self.path, InputPath::File(path) if path.is_file())
+        Self::is_repeatable_path(&self.path)
+    }
+
+    /// Whether an input that is there can be read again.
+    #[must_use]
+    pub fn is_repeatable_path(path: &InputPath) -> bool {
+        matches!(path, InputPath::File(path) if path.is_file())
+    }
+}
+
+impl OpenInput {
+    /// An input that cannot be read again, all of which a run before this one has set aside.
+    #[must_use]
+    pub fn set_aside(input: Input, declared: Declared) -> Self {
+        let reader = Box::new(SetAside { declared, findings: Findings::default() });
+        Self { input, reader, size_bytes: None }
+    }
+}
+
+/// Says what the input said, and has nothing more to read.
+struct SetAside {
+    declared: Declared,
+    findings: Findings,
+}
+
+impl MeshReader for SetAside {
+    fn format(&self) -> Format {
+        Format::Soup
+    }
+
+    fn declared(&self) -> &Declared {
+        &self.declared
+    }
+
+    fn read_batch(&mut self, _: &mut Batch) -> Result<bool, FormatError> {
+        Ok(false)
+    }
+
+    fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    fn origin(&self) -> Origin {
+        Origin::undecided()
+    }
+
+    fn bytes_read(&self) -> u64 {
+        0
     }
 }

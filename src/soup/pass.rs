@@ -32,6 +32,8 @@ struct Cursor<V> {
     open: Option<OpenPart<V>>,
     /// Records delivered so far, over all parts.
     delivered: u64,
+    /// The first so many are not handed out.
+    passed_over: u64,
     /// Findings of readers that have come to their end.
     findings: Findings,
 }
@@ -52,6 +54,14 @@ pub struct Scratch<V> {
 impl<V> Default for Scratch<V> {
     fn default() -> Self {
         Self { raw: Batch::default(), triangles: Vec::new(), diagonals: Vec::new() }
+    }
+}
+
+impl<V> Scratch<V> {
+    /// Leaves out the first `records` of what was read.
+    fn drop_front(&mut self, records: usize) {
+        self.triangles.drain(..records.min(self.triangles.len()));
+        self.raw.drop_front(records);
     }
 }
 
@@ -76,7 +86,7 @@ struct Claim {
 
 pub(super) fn start<V: Vertex>(source: &Source<V>) -> Pass<'_, V> {
     let findings = source.findings.clone();
-    let cursor = Cursor { part: 0, open: None, delivered: 0, findings };
+    let cursor = Cursor { part: 0, open: None, delivered: 0, passed_over: 0, findings };
     Pass { source, cursor: Mutex::new(cursor), findings: Mutex::default() }
 }
 
@@ -105,6 +115,28 @@ impl<V: Vertex> Pass<'_, V> {
         Ok(Some(Taken { first_record, records, triangles }))
     }
 
+    /// Passes over the first `records`, of which `findings` are known: those that resolving found.
+    /// Only before anything has been handed out.
+    ///
+    /// # Errors
+    /// What reading and parsing can fail with.
+    pub fn skip(&self, records: u64, findings: &Findings) -> Result<()> {
+        let mut cursor = self.cursor.lock().unwrap_or_else(PoisonError::into_inner);
+        cursor.passed_over = records;
+        drop(cursor);
+        self.findings.lock().unwrap_or_else(PoisonError::into_inner).merge(findings);
+        Ok(())
+    }
+
+    /// Records handed out so far, and what resolving them found, once all who asked for some are
+    /// done with them.
+    #[must_use]
+    pub fn position(&self) -> (u64, Findings) {
+        let cursor = self.cursor.lock().unwrap_or_else(PoisonError::into_inner);
+        let findings = self.findings.lock().unwrap_or_else(PoisonError::into_inner);
+        (cursor.delivered, findings.clone())
+    }
+
     /// All findings of this pass; complete when [`Self::next`] has returned `None`.
     #[must_use]
     pub fn finish(self) -> Findings {
@@ -126,9 +158,17 @@ impl<V: Vertex> Pass<'_, V> {
             if read(open, part, scratch)? {
                 let resolved = matches!(open, OpenPart::Soup(_));
                 let records = if resolved { scratch.triangles.len() } else { scratch.raw.count() };
-                let first_record = cursor.delivered;
-                cursor.delivered += records as u64;
-                let records = records as u64;
+                let mut records = records as u64;
+                let again = cursor.passed_over.saturating_sub(cursor.delivered).min(records);
+                cursor.delivered += records;
+                if again == records {
+                    continue;
+                }
+                if again > 0 {
+                    scratch.drop_front(again as usize);
+                    records -= again;
+                }
+                let first_record = cursor.delivered - records;
                 return Ok(Some(Claim { part: cursor.part, first_record, records, resolved }));
             }
             if let Some(OpenPart::Reader(open)) = cursor.open.take() {

@@ -203,6 +203,12 @@ impl<V: Vertex> Source<V> {
         Amount { records: self.records(), bytes: self.parts.iter().map(Part::bytes).sum() }
     }
 
+    /// Parts that are soups of ours.
+    #[must_use]
+    pub fn parts_stored(&self) -> usize {
+        self.parts.iter().filter(|part| matches!(part, Part::Stored(_))).count()
+    }
+
     /// Starts a pass over all triangles.
     #[must_use]
     pub fn pass(&self) -> Pass<'_, V> {

@@ -77,6 +77,12 @@ impl SweepPlace {
         self.0
     }
 
+    /// The place that these are the bits of.
+    #[must_use]
+    pub fn of_bits(bits: u128) -> Self {
+        Self(bits)
+    }
+
     /// As [`Self::of`], of coordinates that [`SweepAxis::to_front`] has ordered.
     #[must_use]
     #[inline]

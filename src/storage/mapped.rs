@@ -5,7 +5,6 @@
 #![expect(unsafe_code, reason = "memory maps; see SAFETY below")]
 
 use std::{
-    fs::File,
     ops::Range,
     sync::atomic::{AtomicU64, Ordering},
 };
@@ -13,7 +12,7 @@ use std::{
 use memmap2::{Advice, Mmap, UncheckedAdvice};
 use zerocopy::FromBytes as _;
 
-use super::{Record, RecordFile, record::HEADER_BYTES, scanner::read_header};
+use super::{Record, RecordFile, record::HEADER_BYTES, scanner::read_header, system};
 use crate::error::{IoContext as _, Result};
 
 /// A finished file seen as a slice of records. The pages it keeps resident are bounded by
@@ -29,7 +28,7 @@ pub struct MappedRecords<R> {
 impl<R: Record> MappedRecords<R> {
     pub(super) fn open(source: RecordFile<R>) -> Result<Self> {
         let path = source.path();
-        let file = File::options().read(true).open(path).at("open", path)?;
+        let file = system::open(path).at("open", path)?;
         read_header(&file, &source)?;
         // SAFETY: the file was finished before its `RecordFile` existed, nothing in this crate
         // writes to a finished file, and the workspace is a private folder of this process that

@@ -2,18 +2,26 @@
 //! they may take, and output files that appear under their name only when complete.
 
 mod budget;
+mod disk_use;
 mod heap;
+mod journal;
+mod left;
+mod manifest;
 mod mapped;
 mod output;
 mod rate;
 mod record;
 mod scanner;
 mod stretch;
+mod system;
 mod workspace;
 mod writer;
 
 pub use budget::{Budget, Reservation};
 pub use heap::{HugePages, share_heap};
+pub use journal::{Due, Kept, Recalled};
+pub use left::{Condition, Left, find_left};
+pub use manifest::{FileEntry, Fingerprint, Manifest, ManifestFault, Step};
 pub use mapped::MappedRecords;
 pub use output::{OutputFile, Overwrite, check_output, is_stream, open_input};
 pub use rate::read_rate;

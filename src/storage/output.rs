@@ -9,7 +9,7 @@ use std::{
 use rustix::fs::{Access, access};
 use tempfile::NamedTempFile;
 
-use super::writer::allocate;
+use super::system;
 use crate::error::{IoContext as _, Result};
 
 /// What to do when the output name is taken.
@@ -130,7 +130,9 @@ impl OutputFile {
     /// [`crate::Error::Io`] when the disk is full.
     pub fn allocate(&self, bytes: u64) -> Result<()> {
         match &self.sink {
-            Sink::Partial(partial) => allocate(partial.as_file(), bytes).at("allocate", &self.path),
+            Sink::Partial(partial) => {
+                system::allocate(partial.as_file(), bytes).at("allocate", &self.path)
+            }
             Sink::Stream { .. } => Ok(()),
         }
     }
@@ -170,8 +172,8 @@ impl OutputFile {
         };
         let file = partial.as_file_mut();
         let size_bytes = file.stream_position().at("write", &path)?;
-        file.set_len(size_bytes).at("truncate", &path)?;
-        file.sync_all().at("sync", &path)?;
+        system::set_len(file, size_bytes).at("truncate", &path)?;
+        system::sync(file).at("sync", &path)?;
         let renamed = match overwrite {
             Overwrite::Replace => partial.persist(&path),
             Overwrite::Refuse => partial.persist_noclobber(&path),
@@ -184,9 +186,9 @@ impl OutputFile {
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &mut self.sink {
-            Sink::Partial(partial) => partial.as_file_mut().write(bytes),
+            Sink::Partial(partial) => system::write(partial.as_file(), bytes),
             Sink::Stream { file, written_bytes } => {
-                let written = file.write(bytes)?;
+                let written = system::write(file, bytes)?;
                 *written_bytes += written as u64;
                 Ok(written)
             }

@@ -9,7 +9,9 @@ use std::{
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use super::{MappedRecords, RecordScanner, workspace::DiskUse};
+use super::{
+    FileEntry, MappedRecords, RecordScanner, Workspace, disk_use::DiskUse, scanner, system,
+};
 use crate::error::{Error, IoContext as _, Result};
 
 /// A plain fixed-size value, stored as it lies in memory (little-endian machines only).
@@ -67,6 +69,13 @@ impl Header {
         }
     }
 
+    /// Whether this is the header of a file that was noted as finished, of whatever records.
+    pub(super) fn matches(&self, entry: &FileEntry) -> bool {
+        (self.magic, self.version) == (MAGIC, VERSION)
+            && self.record_bytes == entry.record_bytes
+            && (self.count, self.checksum) == (entry.count, entry.checksum)
+    }
+
     /// Checks that this header belongs to a file of `R` of `file_bytes` bytes.
     pub(super) fn check<R: Record>(&self, path: &Path, file_bytes: u64) -> Result<()> {
         let damaged = |what| Err(Error::Damaged { path: path.to_owned(), what });
@@ -89,6 +98,8 @@ impl Header {
 pub struct RecordFile<R> {
     pub(super) file: Arc<OwnedFile>,
     pub(super) count: u64,
+    /// CRC-32 of all record bytes.
+    pub(super) checksum: u32,
     pub(super) marker: PhantomData<R>,
 }
 
@@ -98,6 +109,8 @@ pub(super) struct OwnedFile {
     pub(super) path: PathBuf,
     pub(super) bytes: u64,
     pub(super) disk: Arc<DiskUse>,
+    /// Somebody else owns it.
+    pub(super) is_given_up: bool,
 }
 
 impl OwnedFile {
@@ -108,11 +121,24 @@ impl OwnedFile {
     }
 }
 
+impl OwnedFile {
+    /// Its name in the workspace.
+    pub(super) fn name(&self) -> String {
+        self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Hands the file over to another owner.
+    pub(super) fn give_up(mut self) {
+        self.disk.give_back(self.bytes);
+        self.is_given_up = true;
+    }
+}
+
 impl Drop for OwnedFile {
     fn drop(&mut self) {
-        // The workspace removes what cannot be removed here.
-        let _ = fs::remove_file(&self.path);
-        self.disk.give_back(self.bytes);
+        if !self.is_given_up {
+            self.disk.remove(&self.path, self.bytes);
+        }
     }
 }
 
@@ -133,6 +159,43 @@ impl<R: Record> RecordFile<R> {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.file.path
+    }
+
+    /// A file that was noted as finished, by this run or the one before: one handle more of it.
+    /// Its contents are checked when it is read.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] when there is no such file, or it holds other records.
+    pub fn adopt(workspace: &Workspace, entry: &FileEntry) -> Result<Self> {
+        let path = workspace.path().join(&entry.name);
+        let Some(file) = workspace.held(&entry.name).filter(|_| entry.finished) else {
+            return Err(Error::Damaged { path, what: "is noted, but not there" });
+        };
+        let (count, checksum) = (entry.count, entry.checksum);
+        let adopted = Self { file, count, checksum, marker: PhantomData };
+        scanner::read_header(&system::open(&path).at("open", &path)?, &adopted)?;
+        Ok(adopted)
+    }
+
+    /// Reads the whole file and checks that it is as it was written: for files that will be mapped,
+    /// whose contents nobody checks on the way.
+    ///
+    /// # Errors
+    /// As [`Self::read_all`].
+    pub fn verify(&self) -> Result<()> {
+        let mut scanner = self.scan()?;
+        while scanner.next_batch()?.is_some() {}
+        Ok(())
+    }
+
+    pub(super) fn entry(&self) -> FileEntry {
+        FileEntry {
+            name: self.file.name(),
+            count: self.count,
+            record_bytes: size_of::<R>() as u32,
+            checksum: self.checksum,
+            finished: true,
+        }
     }
 
     /// Starts a sequential read of all records.

@@ -1,6 +1,6 @@
 //! Reads a record file front to back, in blocks, without mapping it.
 
-use std::{fs::File, os::unix::fs::FileExt as _, sync::Arc};
+use std::{fs::File, sync::Arc};
 
 use zerocopy::FromBytes as _;
 
@@ -8,6 +8,7 @@ use super::{
     IO_BLOCK_BYTES, Record, RecordFile, Stretch, Sum,
     record::{HEADER_BYTES, Header, file_bytes},
     stretch::NamedFile,
+    system,
 };
 use crate::error::{Error, IoContext as _, Result};
 
@@ -30,7 +31,7 @@ impl<R: Record> RecordScanner<R> {
     pub(super) fn open(source: RecordFile<R>, first: u64, count: u64) -> Result<Self> {
         assert!(first + count <= source.count, "range lies outside the file");
         let path = source.path();
-        let file = File::options().read(true).open(path).at("open", path)?;
+        let file = system::open(path).at("open", path)?;
         let header = read_header::<R>(&file, &source)?;
         let offset = HEADER_BYTES as u64 + first * size_of::<R>() as u64;
         let whole = count == source.count;
@@ -129,11 +130,11 @@ pub(super) fn read_header<R: Record>(file: &File, source: &RecordFile<R>) -> Res
         return Err(Error::Damaged { path: path.to_owned(), what });
     }
     let mut bytes = [0; HEADER_BYTES];
-    file.read_exact_at(&mut bytes, 0).at("read", path)?;
+    system::read_exact_at(file, &mut bytes, 0).at("read", path)?;
     let header = Header::read_from_bytes(&bytes).expect("the buffer has the header's size");
     header.check::<R>(path, length)?;
-    if header.count != source.count {
-        let what = "the record count has changed";
+    if header.count != source.count || header.checksum != source.checksum {
+        let what = "the record count or checksum has changed";
         return Err(Error::Damaged { path: path.to_owned(), what });
     }
     Ok(header)

@@ -3,11 +3,11 @@
 //! Who hands a stretch out takes its checksum back, in the order of the stretches, so that the
 //! whole file is still checked as one.
 
-use std::{fs::File, os::unix::fs::FileExt as _, path::PathBuf, sync::Arc};
+use std::{fs::File, path::PathBuf, sync::Arc};
 
 use zerocopy::IntoBytes as _;
 
-use super::{IO_BLOCK_BYTES, Record};
+use super::{IO_BLOCK_BYTES, Record, system};
 use crate::error::{IoContext as _, Result};
 
 /// An open file that can say what it is called when something goes wrong.
@@ -48,7 +48,7 @@ impl Stretch {
     pub fn read<R: Record>(&mut self, records: &mut [R], sum: &mut Sum) -> Result<()> {
         for block in records.as_mut_bytes().chunks_mut(IO_BLOCK_BYTES) {
             let offset = self.advance(block.len());
-            self.file.file.read_exact_at(block, offset).at("read", &self.file.path)?;
+            system::read_exact_at(&self.file.file, block, offset).at("read", &self.file.path)?;
             sum.0.update(block);
         }
         Ok(())
@@ -69,7 +69,7 @@ impl Stretch {
     /// Writes the next bytes, whose checksum is known already.
     pub(super) fn write_bytes(&mut self, bytes: &[u8]) -> Result<()> {
         let offset = self.advance(bytes.len());
-        self.file.file.write_all_at(bytes, offset).at("write", &self.file.path)
+        system::write_all_at(&self.file.file, bytes, offset).at("write", &self.file.path)
     }
 
     fn advance(&mut self, size_bytes: usize) -> u64 {

@@ -1,7 +1,7 @@
 //! The private folder of one job, and the disk it uses.
 
 use std::{
-    fs::File,
+    fs::{self, File},
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -15,37 +15,49 @@ use rustix::{
 };
 use tempfile::TempDir;
 
-use super::Budget;
+use super::{
+    Budget,
+    disk_use::DiskUse,
+    journal::{Journal, MANIFEST},
+};
 use crate::error::{IoContext as _, Result};
 
-/// Temporary bytes on disk now and at most.
-#[derive(Debug, Default)]
-pub(super) struct DiskUse {
-    current: AtomicU64,
-    peak: AtomicU64,
-}
-
-impl DiskUse {
-    pub(super) fn take(&self, bytes: u64) {
-        let now = self.current.fetch_add(bytes, Ordering::Relaxed) + bytes;
-        self.peak.fetch_max(now, Ordering::Relaxed);
-    }
-
-    pub(super) fn give_back(&self, bytes: u64) {
-        self.current.fetch_sub(bytes, Ordering::Relaxed);
-    }
-}
-
-/// The room one job has: a new, locked folder for temporary files, removed with all its contents
-/// on drop, and a memory budget.
+/// The room one job has: a locked folder for temporary files, removed with all its contents on
+/// drop unless it is kept, and a memory budget.
 #[derive(Debug)]
 pub struct Workspace {
-    folder: TempDir,
+    /// Dropped, and its files with it, before the folder is.
+    pub(super) journal: Option<Journal>,
+    folder: Folder,
     /// Held locked as long as the folder is in use.
     _lock: File,
-    disk: Arc<DiskUse>,
-    serial: AtomicU64,
+    pub(super) disk: Arc<DiskUse>,
+    pub(super) serial: AtomicU64,
     budget: Budget,
+}
+
+/// What workspaces are called, before what tells them apart.
+pub(super) const PREFIX: &str = "meshmill-";
+/// Name of the file that is locked.
+pub(super) const LOCK: &str = "lock";
+
+/// A folder that goes with all its contents.
+#[derive(Debug)]
+struct Folder {
+    path: PathBuf,
+    is_kept: bool,
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let is_wanted =
+            self.is_kept || std::thread::panicking() && self.path.join(MANIFEST).exists();
+        if !is_wanted {
+            // First of all, so that nobody goes on from what is left if this is interrupted.
+            let _ = fs::remove_file(self.path.join(MANIFEST));
+            let _ = fs::remove_dir_all(&self.path);
+        }
+    }
 }
 
 impl Workspace {
@@ -54,16 +66,33 @@ impl Workspace {
     /// # Errors
     /// [`crate::Error::Io`] when `parent` does not exist or cannot be written to.
     pub fn create(parent: &Path) -> Result<Self> {
+        Self::create_for(parent, "")
+    }
+
+    /// As [`Self::create`], for a job that is known by `key`: so that its workspace can be found.
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_for(parent: &Path, key: &str) -> Result<Self> {
         let folder = tempfile::Builder::new()
-            .prefix("meshmill-")
+            .prefix(&format!("{PREFIX}{key}"))
             .tempdir_in(parent)
             .at("create a temporary folder in", parent)?;
-        let path = folder.path().join("lock");
+        let folder = Folder { path: folder.keep(), is_kept: false };
+        let path = folder.path.join(LOCK);
         let lock = File::options().write(true).create_new(true).open(&path).at("create", &path)?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive).at("lock", &path)?;
-        let disk = Arc::default();
-        let budget = Budget::new(u64::MAX);
-        Ok(Self { folder, _lock: lock, disk, serial: AtomicU64::new(0), budget })
+        Ok(Self::in_folder(folder, lock))
+    }
+
+    /// Takes over a folder whose lock is held.
+    pub(super) fn take_over(path: PathBuf, lock: File) -> Self {
+        Self::in_folder(Folder { path, is_kept: true }, lock)
+    }
+
+    fn in_folder(folder: Folder, lock: File) -> Self {
+        let (disk, serial) = (Arc::default(), AtomicU64::new(0));
+        Self { journal: None, folder, _lock: lock, disk, serial, budget: Budget::new(u64::MAX) }
     }
 
     /// The same folder with a memory budget.
@@ -87,14 +116,21 @@ impl Workspace {
     /// The folder.
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.folder.path()
+        &self.folder.path
     }
 
     /// Leaves the folder in place when dropped, and says where it is.
     #[must_use]
     pub fn keep(mut self) -> PathBuf {
-        self.folder.disable_cleanup(true);
-        self.folder.path().to_owned()
+        self.folder.is_kept = true;
+        self.folder.path.clone()
+    }
+
+    /// Removes the folder when dropped, even if it was there before.
+    #[must_use]
+    pub fn to_be_removed(mut self) -> Self {
+        self.folder.is_kept = false;
+        self
     }
 
     /// Bytes of temporary files now.
@@ -112,7 +148,7 @@ impl Workspace {
     /// A path for a new file. The serial number makes it unique.
     pub(super) fn new_path(&self, name: &str) -> PathBuf {
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);
-        self.folder.path().join(format!("{serial:05}-{name}"))
+        self.folder.path.join(format!("{serial:05}-{name}"))
     }
 
     pub(super) fn disk(&self) -> Arc<DiskUse> {

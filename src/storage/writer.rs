@@ -1,16 +1,16 @@
 //! Writes a record file, front to back.
 
-use std::{fs::File, marker::PhantomData, os::unix::fs::FileExt as _, sync::Arc};
+use std::{marker::PhantomData, sync::Arc};
 
-use rustix::fs::{FallocateFlags, fallocate};
 use zerocopy::IntoBytes as _;
 
 use super::{
-    FullBuffers, IO_BLOCK_BYTES, Record, RecordFile, Stretch, Sum, Workspace,
-    record::{HEADER_BYTES, Header, OwnedFile},
+    FileEntry, FullBuffers, IO_BLOCK_BYTES, Record, RecordFile, Stretch, Sum, Workspace,
+    record::{HEADER_BYTES, Header, OwnedFile, file_bytes},
     stretch::NamedFile,
+    system,
 };
-use crate::error::{IoContext as _, Result};
+use crate::error::{Error, IoContext as _, Result};
 
 /// Appends records to a new file of the workspace. The file counts as finished, and may be read,
 /// only after [`Self::finish`]; dropped before that, it is removed.
@@ -50,17 +50,13 @@ impl<R: Record> RecordWriter<R> {
         buffer_bytes: usize,
     ) -> Result<Self> {
         let path = workspace.new_path(name);
-        let file = File::options()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&path)
-            .at("create", &path)?;
+        let file = system::create_new(&path).at("create", &path)?;
         let disk = workspace.disk();
         let file = Arc::new(NamedFile { file, path: path.clone() });
-        let owned = OwnedFile { path, bytes: 0, disk };
+        let owned = OwnedFile { path, bytes: 0, disk, is_given_up: false };
         if let Some(bytes) = count_expected.and_then(|n| n.checked_mul(size_of::<R>() as u64)) {
-            allocate(&file.file, bytes + HEADER_BYTES as u64).at("allocate", &owned.path)?;
+            system::allocate(&file.file, bytes + HEADER_BYTES as u64)
+                .at("allocate", &owned.path)?;
         }
         let buffer_bytes = buffer_bytes.clamp(HEADER_BYTES, IO_BLOCK_BYTES);
         let mut buffer = Vec::with_capacity(buffer_bytes + size_of::<R>());
@@ -69,6 +65,48 @@ impl<R: Record> RecordWriter<R> {
         let (promised_bytes, count) = (0, 0);
         let marker = PhantomData;
         Ok(Self { file, owned, buffer, buffer_bytes, checksum, promised_bytes, count, marker })
+    }
+
+    /// Goes on with a file that was noted unfinished, behind the records that were noted: what a run
+    /// that died wrote behind them is cut off.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] when there is no such file, or less in it than was noted.
+    pub fn reopen(workspace: &Workspace, entry: &FileEntry, buffer_bytes: usize) -> Result<Self> {
+        let path = workspace.path().join(&entry.name);
+        if entry.finished || entry.record_bytes as usize != size_of::<R>() {
+            return Err(Error::Damaged { path, what: "holds records of another kind" });
+        }
+        let file = system::reopen(&path).at("open", &path)?;
+        let records_bytes = entry.count.saturating_mul(size_of::<R>() as u64);
+        let bytes = records_bytes.saturating_add(HEADER_BYTES as u64);
+        if file_bytes(&file, &path)? < bytes {
+            return Err(Error::Damaged { path, what: "holds fewer records than were noted" });
+        }
+        system::set_len(&file, bytes).at("truncate", &path)?;
+        workspace.give_up(&entry.name);
+        let disk = workspace.disk();
+        disk.take(bytes);
+        let file = Arc::new(NamedFile { file, path: path.clone() });
+        let owned = OwnedFile { path, bytes, disk, is_given_up: false };
+        let buffer_bytes = buffer_bytes.clamp(HEADER_BYTES, IO_BLOCK_BYTES);
+        let buffer = Vec::with_capacity(buffer_bytes + size_of::<R>());
+        let checksum = crc32fast::Hasher::new_with_initial_len(entry.checksum, records_bytes);
+        let (promised_bytes, count, marker) = (0, entry.count, PhantomData);
+        Ok(Self { file, owned, buffer, buffer_bytes, checksum, promised_bytes, count, marker })
+    }
+
+    /// Writes what waits in the buffer, and says what the file holds so far.
+    pub(super) fn entry(&mut self) -> Result<FileEntry> {
+        self.flush()?;
+        assert_eq!(self.promised_bytes, 0, "a stretch was not written");
+        Ok(FileEntry {
+            name: self.owned.name(),
+            count: self.count,
+            record_bytes: size_of::<R>() as u32,
+            checksum: self.checksum.clone().finalize(),
+            finished: false,
+        })
     }
 
     /// Appends one record.
@@ -173,13 +211,15 @@ impl<R: Record> RecordWriter<R> {
     pub fn finish(mut self) -> Result<RecordFile<R>> {
         self.flush()?;
         assert_eq!(self.promised_bytes, 0, "a stretch was not written");
-        let header = Header::of::<R>(self.count, self.checksum.finalize());
+        let checksum = self.checksum.finalize();
+        let header = Header::of::<R>(self.count, checksum);
         let file = &self.file.file;
-        file.write_all_at(header.as_bytes(), 0).at("write", &self.owned.path)?;
+        system::write_all_at(file, header.as_bytes(), 0).at("write", &self.owned.path)?;
         // Gives back what was allocated and not needed.
-        file.set_len(self.owned.bytes).at("truncate", &self.owned.path)?;
+        system::set_len(file, self.owned.bytes).at("truncate", &self.owned.path)?;
         header.check::<R>(&self.owned.path, self.owned.bytes)?;
-        Ok(RecordFile { file: Arc::new(self.owned), count: self.count, marker: PhantomData })
+        let (file, count) = (Arc::new(self.owned), self.count);
+        Ok(RecordFile { file, count, checksum, marker: PhantomData })
     }
 
     fn flush(&mut self) -> Result<()> {
@@ -211,17 +251,13 @@ impl<R: Record> RecordWriter<R> {
     }
 }
 
-/// Reserves disk space for `file`; file systems that cannot are left to fail at the write.
-pub(super) fn allocate(file: &File, bytes: u64) -> rustix::io::Result<()> {
-    match fallocate(file, FallocateFlags::KEEP_SIZE, 0, bytes.max(1)) {
-        Err(rustix::io::Errno::OPNOTSUPP | rustix::io::Errno::NOSYS) => Ok(()),
-        other => other,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::{fs, io::Read as _, os::unix::fs::FileExt as _};
+    use std::{
+        fs::{self, File},
+        io::Read as _,
+        os::unix::fs::FileExt as _,
+    };
 
     use super::*;
     use crate::error::Error;

@@ -14,7 +14,7 @@ use crate::{
     geometry::ordered_f32,
     progress::{Monitor, StageId},
     soup::{Column, IndexedMesh, Scratch, Source, Triangles, Vertex},
-    storage::{Record, RecordWriter, Workspace},
+    storage::{Record, RecordFile, RecordWriter, Workspace},
 };
 
 /// What welding did.
@@ -151,6 +151,14 @@ impl Keyed for Numbered {
     }
 }
 
+/// What welding on disk is called in the journal of its workspace: what the pass over the source
+/// found, the three sorts, and the vertices.
+const FOUND: &str = "weld: found";
+const USES: &str = "weld: corners by position";
+const LINKS: &str = "weld: corners by first use";
+const NUMBERED: &str = "weld: vertices by corner";
+const VERTICES: &str = "weld: vertices";
+
 fn on_disk<V: Vertex>(
     source: &Source<V>,
     workspace: &Workspace,
@@ -158,14 +166,63 @@ fn on_disk<V: Vertex>(
 ) -> Result<Outcome<V>> {
     // Two sorters are open at a time.
     let memory = workspace.budget().reserve_share(1.0, SORT_BYTES_MIN);
-    let config = sort::Config {
+    let config = |step| sort::Config {
         stage: StageId::Weld,
         memory_bytes: memory.bytes() / 2,
         engine: sort::Engine::Auto,
+        step: Some(step),
     };
-    let mut uses = sort::Sorter::<Use>::new(&config, workspace, monitor);
-    let findings = push_uses(source, &mut uses, monitor)?;
-    let mut links = sort::Sorter::<Link>::new(&config, workspace, monitor);
+    let room = (workspace, monitor);
+    let noted = recall_vertices::<V>(workspace)?;
+    let mut findings = None;
+    let (vertices, mut numbered) = if let Some(vertices) = noted {
+        (vertices, sort::Sorter::<Numbered>::noted(&config(NUMBERED), workspace, monitor)?)
+    } else {
+        let mut links = sort::Sorter::<Link>::noted(&config(LINKS), workspace, monitor)?;
+        if !links.is_filled() {
+            let mut uses = sort::Sorter::<Use>::noted(&config(USES), workspace, monitor)?;
+            findings = Some(push_uses(source, &mut uses, room)?);
+            uses.end_input()?;
+            push_links::<V>(uses, &mut links)?;
+            links.end_input()?;
+        }
+        workspace.forget(USES)?;
+        let numbered = sort::Sorter::<Numbered>::noted(&config(NUMBERED), workspace, monitor)?;
+        number(links, numbered, workspace)?
+    };
+    numbered.end_input()?;
+    workspace.forget(LINKS)?;
+    let mut triangles = RecordWriter::<[u64; 3]>::create(workspace, "triangles", None)?;
+    let mut corners = Vec::new();
+    numbered.finish_into(|batch| {
+        corners.extend(batch.iter().map(|numbered| numbered.vertex));
+        let whole = corners.len() / 3 * 3;
+        for triangle in corners[..whole].chunks_exact(3) {
+            triangles.push(&[triangle[0], triangle[1], triangle[2]])?;
+        }
+        corners.drain(..whole);
+        Ok(())
+    })?;
+    let mesh = IndexedMesh {
+        vertices: Column::File(vertices),
+        triangles: Triangles::File(triangles.finish()?),
+    };
+    let noted = || Some(workspace.recall::<Findings>(FOUND)?.figures);
+    let findings = findings.or_else(noted).unwrap_or_default();
+    Ok(Outcome { mesh, findings })
+}
+
+/// The vertices, if a run before this one has numbered all corners.
+fn recall_vertices<V: Vertex>(workspace: &Workspace) -> Result<Option<RecordFile<V>>> {
+    let recalled = workspace.recall::<()>(VERTICES).filter(|_| workspace.is_noted(NUMBERED));
+    recalled.map(|recalled| RecordFile::adopt(workspace, &recalled.files[0])).transpose()
+}
+
+/// From corners by position to corners that know the first one with theirs.
+fn push_links<V: Vertex>(
+    uses: sort::Sorter<'_, Use>,
+    links: &mut sort::Sorter<'_, Link>,
+) -> Result<()> {
     let mut group: Option<([u32; 3], u64)> = None;
     let mut batch_links = Vec::new();
     uses.finish_into(|batch| {
@@ -182,8 +239,15 @@ fn on_disk<V: Vertex>(
             batch_links.push(Link { first, corner, position, color });
         }
         links.push(&batch_links)
-    })?;
-    let mut numbered = sort::Sorter::<Numbered>::new(&config, workspace, monitor);
+    })
+}
+
+/// Numbers the vertices, and with them the corners.
+fn number<'a, V: Vertex>(
+    links: sort::Sorter<'_, Link>,
+    mut numbered: sort::Sorter<'a, Numbered>,
+    workspace: &Workspace,
+) -> Result<(RecordFile<V>, sort::Sorter<'a, Numbered>)> {
     let mut vertices = RecordWriter::<V>::create(workspace, "vertices", None)?;
     let mut batch_numbered = Vec::new();
     links.finish_into(|batch| {
@@ -197,30 +261,22 @@ fn on_disk<V: Vertex>(
         }
         numbered.push(&batch_numbered)
     })?;
-    let mut triangles = RecordWriter::<[u64; 3]>::create(workspace, "triangles", None)?;
-    let mut corners = Vec::new();
-    numbered.finish_into(|batch| {
-        corners.extend(batch.iter().map(|numbered| numbered.vertex));
-        let whole = corners.len() / 3 * 3;
-        for triangle in corners[..whole].chunks_exact(3) {
-            triangles.push(&[triangle[0], triangle[1], triangle[2]])?;
-        }
-        corners.drain(..whole);
-        Ok(())
-    })?;
-    let mesh = IndexedMesh {
-        vertices: Column::File(vertices.finish()?),
-        triangles: Triangles::File(triangles.finish()?),
-    };
-    Ok(Outcome { mesh, findings })
+    let vertices = vertices.finish()?;
+    numbered.end_input()?;
+    workspace.note(VERTICES, &(), vec![vertices.kept()])?;
+    Ok((vertices, numbered))
 }
 
 /// Passes every corner of the source to the first sort.
 fn push_uses<V: Vertex>(
     source: &Source<V>,
     uses: &mut sort::Sorter<'_, Use>,
-    monitor: &Monitor,
+    (workspace, monitor): (&Workspace, &Monitor),
 ) -> Result<Findings> {
+    let recalled = workspace.recall::<Findings>(FOUND).filter(|_| uses.is_filled());
+    if let Some(recalled) = recalled {
+        return Ok(recalled.figures);
+    }
     let meter = monitor.meter(StageId::Weld, source.amount());
     let pass = source.pass();
     let (mut scratch, mut batch, mut corner) = (Scratch::default(), Vec::new(), 0_u64);
@@ -236,5 +292,7 @@ fn push_uses<V: Vertex>(
         meter.add(taken.records)?;
     }
     meter.finish();
-    Ok(pass.finish())
+    let findings = pass.finish();
+    workspace.note(FOUND, &findings, Vec::new())?;
+    Ok(findings)
 }

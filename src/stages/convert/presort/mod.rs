@@ -10,6 +10,8 @@ mod record;
 mod tests;
 mod window;
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     error::Result,
     external::sort::{self, Engine, Sorter},
@@ -35,6 +37,21 @@ pub struct Config {
     pub method: Method,
     /// Bytes of memory to hold, reserved by the caller; buffers of some batches lie beside it.
     pub memory_bytes: u64,
+    /// What [`Method::Sort`] is called in the journal of the workspace, and what was found meanwhile.
+    /// Only if the source gives the same triangles in the same order to a run that goes on.
+    pub steps: Option<Steps>,
+}
+
+/// What the sort of a job is called.
+pub const STEPS: Steps = Steps { sorted: "sorted", found: "sorted: found" };
+
+/// Names in a journal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Steps {
+    /// The sorted triangles.
+    pub sorted: &'static str,
+    /// What the pass over the source found.
+    pub found: &'static str,
 }
 
 /// How to sort. The result is the same.
@@ -52,7 +69,7 @@ pub enum Method {
 }
 
 /// What presort did.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// Triangles passed on.
     pub triangles: u64,
@@ -114,10 +131,14 @@ pub fn presort<V: Vertex>(
         stage: StageId::Sort,
         memory_bytes: config.memory_bytes,
         engine: Engine::Auto,
+        step: None,
     };
     let sorter = || Sorter::<SweepRecord<V>>::new(&sort, workspace, monitor);
+    // What another run has begun to sort is sorted to its end.
+    let is_begun = config.steps.is_some_and(|steps| workspace.is_noted(steps.sorted));
+    let method = if is_begun { Method::Sort } else { config.method };
     let mut sink = Sink { axis: config.axis, triangles: 0, batch: Vec::new(), to: sink };
-    let outcome = match config.method {
+    let outcome = match method {
         Method::Absorb { displacement_max } => {
             let mut stream = Stream {
                 window: Window::new(config.axis, displacement_max),
@@ -133,14 +154,23 @@ pub fn presort<V: Vertex>(
             stream.finish(findings, &mut sink)?
         }
         Method::Sort => {
-            let mut sorter = sorter();
+            let sort = sort::Config { step: config.steps.map(|steps| steps.sorted), ..sort };
+            let mut sorter = Sorter::<SweepRecord<V>>::noted(&sort, workspace, monitor)?;
             let convert = |taken: &Taken<'_, V>, records: &mut Vec<SweepRecord<V>>| {
                 records.clear();
                 let all = taken.triangles.iter();
                 records.extend(all.map(|triangle| SweepRecord::new(triangle, config.axis)));
             };
-            let findings =
-                pass(source, (workspace, monitor), convert, |records| sorter.push(records))?;
+            let found = config.steps.map(|steps| steps.found).filter(|_| sorter.is_filled());
+            let findings = match found.and_then(|step| workspace.recall::<Findings>(step)) {
+                Some(found) => found.figures,
+                None => {
+                    pass(source, (workspace, monitor), convert, |records| sorter.push(records))?
+                }
+            };
+            if let Some(steps) = config.steps {
+                workspace.note(steps.found, &findings, Vec::new())?;
+            }
             let on_disk = sorter.is_on_disk();
             sorter.finish_into(|records| sink.pass_on(records))?;
             Outcome { triangles: 0, displacement_max: None, held_max: 0, on_disk, findings }
@@ -231,7 +261,7 @@ impl<'a, V: Vertex> Stream<'a, V> {
 }
 
 /// How the triangles of a source are ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Order {
     /// Along each axis, how many triangles the worst one is late by its least coordinate, see
     /// [`OrderMeter::displacement_max`].

@@ -101,7 +101,7 @@ fn sorts_in_every_way<V: Vertex>(triangles: &[Triangle<V>], axis: SweepAxis) {
     let displacement_max = order.displacement_max[axis.index()];
     for (threads, memory_bytes) in [(1, 1 << 30), (2, 1 << 30), (1, 1 << 20), (2, 1 << 16)] {
         for method in [Method::Sort, Method::Absorb { displacement_max }] {
-            let config = Config { axis, method, memory_bytes };
+            let config = Config { axis, method, memory_bytes, steps: None };
             let (bytes, _) = sorted(triangles, &config, threads).unwrap();
             assert!(bytes == expected.as_bytes(), "{config:?}, {threads} threads");
         }
@@ -129,7 +129,7 @@ fn a_shuffled_soup_with_duplicates_and_colours_gives_the_same_bytes() {
     let mut field = height_field::<ColoredPoint>(120, 90);
     let again: Vec<_> = field.iter().step_by(3).copied().collect();
     field.extend(again);
-    let config = |axis| Config { axis, method: Method::Sort, memory_bytes: 1 << 18 };
+    let config = |axis| Config { axis, method: Method::Sort, memory_bytes: 1 << 18, steps: None };
     for axis in SweepAxis::ALL {
         let (expected, _) = sorted(&field, &config(axis), 2).unwrap();
         let (found, _) = sorted(&shuffled(field.clone()), &config(axis), 2).unwrap();
@@ -152,7 +152,8 @@ fn a_wall_of_one_coordinate_is_put_in_order() {
 #[test]
 fn what_is_sorted_comes_out_as_it_went_in_and_hardly_waits() {
     let field = shuffled(height_field::<Point>(600, 300));
-    let config = Config { axis: SweepAxis::X, method: Method::Sort, memory_bytes: 1 << 30 };
+    let config =
+        Config { axis: SweepAxis::X, method: Method::Sort, memory_bytes: 1 << 30, steps: None };
     let (bytes, _) = sorted(&field, &config, 2).unwrap();
     let triangles: Vec<Triangle<Point>> = bytes
         .chunks_exact(36)
@@ -180,7 +181,7 @@ fn a_window_holds_no_more_than_its_bytes_and_what_ties() {
         let expected: Vec<_> = field.iter().filter(|t| t.0[0].0[0] < 0.5).copied().collect();
         assert!(!chosen.is_empty() && chosen == expected);
         let method = Method::Absorb { displacement_max: order.displacement_max[0] };
-        let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 30 };
+        let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 30, steps: None };
         let (_, outcome) = sorted(&field, &config, 2).unwrap();
         assert_eq!(outcome.displacement_max, Some(order.displacement_max[0]));
         assert!(
@@ -196,7 +197,7 @@ fn a_triangle_later_than_promised_is_an_error_with_its_place() {
     let late = field.remove(1000);
     field.insert(300_000, late);
     let method = Method::Absorb { displacement_max: 100 };
-    let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 30 };
+    let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 30, steps: None };
     for threads in [1, 2] {
         let error = sorted(&field, &config, threads).unwrap_err();
         let Error::NotSorted { axis, triangle, late_by, late_by_max } = error else {
@@ -213,7 +214,7 @@ fn a_sort_can_be_cancelled_and_its_sink_can_fail() {
     let workspace = Workspace::for_test();
     let source = source(&field, &workspace);
     for method in [Method::Sort, Method::Absorb { displacement_max: 0 }] {
-        let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 20 };
+        let config = Config { axis: SweepAxis::X, method, memory_bytes: 1 << 20, steps: None };
         let monitor = Monitor { observer: &|_: &Event| (), cancel: Cancel::default() };
         monitor.cancel.raise();
         let error = presort(&source, &config, &workspace, &monitor, |_| Ok(())).unwrap_err();

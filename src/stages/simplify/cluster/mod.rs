@@ -7,6 +7,7 @@
 
 mod assemble;
 mod estimate;
+mod journal;
 mod merge;
 mod placed;
 mod shared;
@@ -18,10 +19,11 @@ mod used;
 
 use std::sync::{
     Mutex, PoisonError,
-    atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering},
+    atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering},
 };
 
 pub use estimate::cells_for;
+use journal::Progress;
 use rayon::prelude::*;
 use shared::{OwnTable, SharedTable, THREADS_PER_TABLE};
 use spill::Run;
@@ -31,8 +33,8 @@ use crate::{
     error::{Position, Result},
     formats::{DefectKind, Findings},
     geometry::{Grid, Placement},
-    progress::{Monitor, StageId},
-    soup::{Column, IndexedMesh, Scratch, Source, Vertex, VertexQuadric},
+    progress::{Meter, Monitor, StageId},
+    soup::{Column, IndexedMesh, Pass, Scratch, Source, Vertex, VertexQuadric},
     storage::Workspace,
 };
 
@@ -73,6 +75,7 @@ pub struct Partials<V: Vertex> {
     pub findings: Findings,
     /// Triangles of the source.
     pub triangles: u64,
+    progress: Progress,
 }
 
 /// What clustering did.
@@ -118,35 +121,85 @@ pub fn accumulate<V: Vertex>(
     let memory = workspace.budget().reserve_share(share.min(1.0), TABLE_BYTES_MIN * threads as u64);
     let tables = threads.div_ceil(THREADS_PER_TABLE);
     let table_bytes = memory.bytes() / tables as u64;
-    let serial = AtomicU32::new(0);
+    let (mut progress, mut runs) = journal::recall(config, workspace)?;
+    let serial = AtomicU32::new(progress.serial);
     let new = |_| SharedTable::new(table_bytes, threads.div_ceil(tables), &serial, workspace);
     let tables: Vec<SharedTable<V>> = (0..tables).map(new).collect();
     let pass = source.pass();
     let meter = monitor.meter(StageId::Cluster, source.amount());
-    let (thread, triangles) = (AtomicUsize::new(0), AtomicU64::new(0));
-    let work = || -> Result<CellTable<V>> {
-        let shared = &tables[thread.fetch_add(1, Ordering::Relaxed) % tables.len()];
-        let mut own = OwnTable::new();
-        let mut scratch = Scratch::default();
-        while let Some(taken) = pass.next(&mut scratch)? {
-            triangles.fetch_add(taken.triangles.len() as u64, Ordering::Relaxed);
-            shared.add(&mut own, &config.grid, taken.triangles, taken.first_record)?;
-            meter.add(taken.records)?;
+    // What the inputs' readers find is noted only when they have come to their end.
+    let is_known = progress.is_over;
+    if !is_known {
+        pass.skip(progress.records, &progress.findings)?;
+    }
+    meter.add(progress.records)?;
+    while !progress.is_over {
+        let leg = Leg { config, pass: &pass, meter: &meter, tables: &tables, workspace };
+        leg.run(threads, &mut progress)?;
+        progress.serial = serial.load(Ordering::Relaxed);
+        if let (false, Some(due)) = (progress.is_over, workspace.due()) {
+            let states = tables.par_iter().map(SharedTable::kept).collect::<Result<Vec<_>>>()?;
+            progress.serial = serial.load(Ordering::Relaxed);
+            let files = journal::kept(&runs).into_iter().chain(states.into_iter().flatten());
+            journal::checkpoint(&due, &progress, files.collect(), config, workspace)?;
         }
-        shared.pour(&mut own)?;
-        Ok(own.table)
-    };
-    let seen = on_every_thread(threads, work)?;
+    }
     meter.finish();
-    let mut findings = pass.finish();
-    let degenerate = seen.iter().map(|table| table.degenerate).sum();
-    let first = seen.iter().filter_map(|table| table.degenerate_first).min();
+    let found = pass.finish();
+    if !is_known {
+        progress.findings = found;
+    }
+    let mut findings = progress.findings.clone();
+    let first = progress.degenerate_first;
     let at = first.map_or(Position::default(), |record| Position::default().in_record(record));
-    findings.add(DefectKind::Degenerate, degenerate, at);
+    findings.add(DefectKind::Degenerate, progress.degenerate, at);
     let parts = tables.into_iter().map(SharedTable::into_parts);
-    let (tables, runs): (Vec<_>, Vec<Vec<_>>) = parts.unzip();
-    let runs = runs.into_iter().flatten().collect();
-    Ok(Partials { tables, runs, findings, triangles: triangles.into_inner() })
+    let (tables, spilled): (Vec<_>, Vec<Vec<_>>) = parts.unzip();
+    runs.extend(spilled.into_iter().flatten());
+    Ok(Partials { tables, runs, findings, triangles: progress.triangles, progress })
+}
+
+/// A stretch of the pass, to its end or to the next checkpoint.
+struct Leg<'a, V: Vertex> {
+    config: &'a Config,
+    pass: &'a Pass<'a, V>,
+    meter: &'a Meter<'a>,
+    tables: &'a [SharedTable<'a, V>],
+    workspace: &'a Workspace,
+}
+
+impl<V: Vertex> Leg<'_, V> {
+    /// Adds to the tables on all threads; in the end all that was read is in them.
+    fn run(&self, threads: usize, progress: &mut Progress) -> Result<()> {
+        let (thread, triangles) = (AtomicUsize::new(0), AtomicU64::new(0));
+        let is_due = AtomicBool::new(false);
+        let work = || -> Result<CellTable<V>> {
+            let thread = thread.fetch_add(1, Ordering::Relaxed);
+            let shared = &self.tables[thread % self.tables.len()];
+            let mut own = OwnTable::new();
+            let mut scratch = Scratch::default();
+            while !is_due.load(Ordering::Relaxed) {
+                let Some(taken) = self.pass.next(&mut scratch)? else { break };
+                triangles.fetch_add(taken.triangles.len() as u64, Ordering::Relaxed);
+                shared.add(&mut own, &self.config.grid, taken.triangles, taken.first_record)?;
+                self.meter.add(taken.records)?;
+                if self.workspace.due().is_some() {
+                    is_due.store(true, Ordering::Relaxed);
+                }
+            }
+            shared.pour(&mut own)?;
+            Ok(own.table)
+        };
+        for table in on_every_thread(threads, work)? {
+            progress.degenerate += table.degenerate;
+            let firsts = [progress.degenerate_first, table.degenerate_first];
+            progress.degenerate_first = firsts.into_iter().flatten().min();
+        }
+        progress.triangles += triangles.into_inner();
+        (progress.records, progress.findings) = self.pass.position();
+        progress.is_over = !is_due.into_inner();
+        Ok(())
+    }
 }
 
 /// Makes the simplified mesh of the sums.
@@ -162,11 +215,12 @@ pub fn assemble<V: Vertex>(
     if partials.runs.is_empty() {
         return assemble::in_memory(partials.tables, config, monitor);
     }
-    let spilled = partials.runs.len();
-    let tables = partials.tables.into_par_iter().enumerate();
-    let last =
-        tables.map(|(i, mut table)| spill::spill(&mut table, (spilled + i) as u32, workspace));
+    let serial = partials.progress.serial;
+    let tables = partials.tables.into_par_iter().filter(|table| !table.ids.is_empty());
+    let tables = tables.collect::<Vec<_>>().into_par_iter().enumerate();
+    let last = tables.map(|(i, mut table)| spill::spill(&mut table, serial + i as u32, workspace));
     partials.runs.extend(last.collect::<Result<Vec<_>>>()?);
+    journal::note(&partials.progress, &partials.runs, config, workspace)?;
     merge::on_disk(partials.runs, config, workspace, monitor)
 }
 

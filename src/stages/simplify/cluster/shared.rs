@@ -10,6 +10,7 @@ use std::sync::{
 };
 
 use super::{
+    journal,
     spill::{self, Run},
     table::CellTable,
 };
@@ -17,7 +18,7 @@ use crate::{
     error::Result,
     geometry::Grid,
     soup::{Triangle, Vertex},
-    storage::Workspace,
+    storage::{Kept, Workspace},
 };
 
 /// A table for several threads, and the runs it was spilled to.
@@ -99,6 +100,18 @@ impl<'a, V: Vertex> SharedTable<'a, V> {
             filling.runs.push(spill::spill(&mut filling.table, serial, self.workspace)?);
         }
         Ok(())
+    }
+
+    /// The runs so far and a copy of the table, to be noted.
+    pub(super) fn kept(&self) -> Result<Vec<Kept>> {
+        let mut filling = self.filling.lock().unwrap_or_else(PoisonError::into_inner);
+        let Filling { table, runs } = &mut *filling;
+        let mut files = journal::kept(runs);
+        if !table.ids.is_empty() {
+            let serial = self.serial.fetch_add(1, Ordering::Relaxed);
+            files.extend(journal::kept(&[spill::copy(table, serial, self.workspace)?]));
+        }
+        Ok(files)
     }
 
     /// What was poured: the table, and the runs it was spilled to before.

@@ -85,11 +85,25 @@ pub(super) fn spill<V: Vertex>(
     serial: u32,
     workspace: &Workspace,
 ) -> Result<Run> {
+    let run = copy(table, serial, workspace)?;
+    table.clear();
+    Ok(run)
+}
+
+/// Writes `table` to run number `serial` and leaves it as it is, its triangles in another order and
+/// each once.
+pub(super) fn copy<V: Vertex>(
+    table: &mut CellTable<V>,
+    serial: u32,
+    workspace: &Workspace,
+) -> Result<Run> {
     let mut order: Vec<u32> = (0..table.ids.len() as u32).collect();
     order.sort_unstable_by_key(|index| table.ids[*index as usize]);
     let cells = write_cells(table, &order, u64::from(serial) << 32, workspace)?;
     let triangles = write_triangles(table, &order, workspace)?;
-    table.clear();
+    for triangle in &mut table.triangles {
+        *triangle = triangle.map(|rank| order[rank as usize]);
+    }
     Ok(Run { cells, triangles })
 }
 

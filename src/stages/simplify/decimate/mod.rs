@@ -8,6 +8,7 @@
 //! and so are no longer there.
 
 mod blobs;
+mod journal;
 mod piece;
 mod rest;
 mod slab;
@@ -18,6 +19,7 @@ mod tree;
 mod work;
 
 pub use blobs::Blobs;
+use journal::StreamEnd;
 use piece::Piece;
 pub use threshold::{Threshold, threshold};
 use work::{REST, Work, busy_bytes, slabs_under_way};
@@ -227,12 +229,19 @@ fn decimate_by<V: Vertex, M: mesh::Metric>(
         return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
     }
     let meter = monitor.meter(StageId::Decimate, config.triangles);
-    let work = Work::<M>::new::<V>(config, &meter, workspace.budget());
-    let slabs = match other_threads() {
-        Some(pool) => {
-            pool.in_place_scope(|scope| cut_and_start(config, &work, Some(scope), feed))?
-        }
-        None => cut_and_start(config, &work, None, feed)?,
+    let work = Work::<M>::new::<V>(config, &meter, workspace)?;
+    let slabs = if let Some(end) = work.end_noted()? {
+        end.slabs
+    } else {
+        let slabs = match other_threads() {
+            Some(pool) => {
+                pool.in_place_scope(|scope| cut_and_start(config, &work, Some(scope), feed))?
+            }
+            None => cut_and_start(config, &work, None, feed)?,
+        };
+        work.check()?;
+        work.note_end(StreamEnd { slabs, triangles: meter.done() })?;
+        slabs
     };
     let (pieces, _room) = work.finish()?;
     let triangles_target = config.triangles_target(meter.done());

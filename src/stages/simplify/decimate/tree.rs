@@ -14,7 +14,7 @@ pub(super) const FAMILY: usize = 4;
 
 /// Levels above the slabs: a piece of the last one is of so many slabs that its interfaces matter
 /// no more, and there is work left for all threads at the end.
-const LEVELS: u32 = 2;
+pub(super) const LEVELS: u32 = 2;
 
 /// Neighbours are joined when they have so many times the faces that are to be left of them: each
 /// join costs the making of a mesh. Chosen by hand: to a tenth, slabs with short interfaces are
@@ -68,6 +68,12 @@ impl<M: Metric> Tree<M> {
         let (at, room) =
             found.map(|(at, family)| (at, admit(family))).find(|(_, room)| room.is_some())?;
         Some((self.ready.swap_remove(at), room?))
+    }
+
+    /// All pieces, in no order.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece<M>> {
+        let families = self.waiting.values().chain(&self.ready);
+        families.flatten().chain(&self.rest)
     }
 
     /// All pieces, in the order of the stream.

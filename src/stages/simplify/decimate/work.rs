@@ -10,6 +10,7 @@ use std::{
 
 use super::{
     Config,
+    journal::{Saved, StreamEnd},
     piece::{Extent, Piece},
     slab,
     tree::{Tree, faces_of},
@@ -19,7 +20,7 @@ use crate::{
     mesh::{self, Mesh},
     progress::Meter,
     soup::{Slab, Vertex},
-    storage::{Budget, Reservation},
+    storage::{Budget, Reservation, Workspace},
 };
 
 /// What [`Error::Resource`] names when a slab does not fit.
@@ -34,6 +35,7 @@ const NAP: Duration = Duration::from_micros(200);
 pub(super) struct Work<'a, M: mesh::Metric> {
     config: &'a Config,
     meter: &'a Meter<'a>,
+    workspace: &'a Workspace,
     budget: &'a Budget,
     /// Bytes of a face in a mesh.
     face_bytes: u64,
@@ -47,17 +49,29 @@ pub(super) struct Work<'a, M: mesh::Metric> {
     faces_left: AtomicU64,
     tree: Mutex<Tree<M>>,
     failure: Mutex<Option<Error>>,
+    /// What is in files. Locked before the tree.
+    saved: Mutex<Saved>,
 }
 
 impl<'a, M: mesh::Metric> Work<'a, M> {
     pub(super) fn new<V: Vertex>(
         config: &'a Config,
         meter: &'a Meter<'a>,
-        budget: &'a Budget,
-    ) -> Self {
-        Self {
+        workspace: &'a Workspace,
+    ) -> Result<Self> {
+        let budget = workspace.budget();
+        let saved = Saved::recall(workspace)?;
+        let pieces = saved.load(|bytes| {
+            budget.reserve(bytes).ok_or_else(|| Error::Resource {
+                what: REST,
+                needed_bytes: bytes,
+                available_bytes: budget.available_bytes(),
+            })
+        })?;
+        let work = Self {
             config,
             meter,
+            workspace,
             budget,
             face_bytes: mesh::face_bytes::<V, M>(),
             busy_bytes: busy_bytes(mesh::face_bytes::<V, M>()),
@@ -66,7 +80,36 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
             faces_left: AtomicU64::new(0),
             tree: Mutex::default(),
             failure: Mutex::default(),
+            saved: Mutex::new(saved),
+        };
+        for piece in pieces {
+            work.add(piece);
         }
+        Ok(work)
+    }
+
+    /// The end of the stream, if a run before this one has come to it and is done with all slabs.
+    pub(super) fn end_noted(&self) -> Result<Option<StreamEnd>> {
+        let end = self.saved().end;
+        if let Some(end) = end {
+            self.meter.add(end.triangles)?;
+        }
+        Ok(end)
+    }
+
+    /// Writes down what is left of the slabs that are done, if it is time.
+    fn checkpoint(&self) -> Result<()> {
+        let Some(due) = self.workspace.due() else { return Ok(()) };
+        let mut saved = self.saved();
+        saved.save(&due, self.tree().pieces(), self.workspace)
+    }
+
+    /// The same when all slabs are cut and done, unless all of it took next to no time.
+    pub(super) fn note_end(&self, end: StreamEnd) -> Result<()> {
+        let Some(due) = self.workspace.milestone() else { return Ok(()) };
+        let mut saved = self.saved();
+        saved.end = Some(end);
+        saved.save(&due, self.tree().pieces(), self.workspace)
     }
 
     /// Gives a slab to the other threads, or works on it here when they have enough to do.
@@ -79,7 +122,12 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     where
         'a: 'scope,
     {
-        let room = self.room_for_slab::<V>(slab.triangles.len() as u64)?;
+        let triangles = slab.triangles.len() as u64;
+        if self.saved().holds(slab.index) {
+            return Ok(self.meter.add(triangles)?);
+        }
+        self.checkpoint()?;
+        let room = self.room_for_slab::<V>(triangles)?;
         let before = self.under_way.fetch_add(1, Ordering::AcqRel);
         match others {
             Some(scope) if before < given_away(rayon::current_num_threads()) => {
@@ -234,11 +282,15 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         self.holders.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn saved(&self) -> MutexGuard<'_, Saved> {
+        self.saved.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn tree(&self) -> MutexGuard<'_, Tree<M>> {
         self.tree.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
         failure.map_or(Ok(()), Err)
     }

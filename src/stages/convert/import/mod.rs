@@ -4,7 +4,11 @@
 //! soups stay where they are when they can be read again; what cannot (standard input, faces that
 //! refer to vertices still to come) is set aside in the workspace.
 
+mod journal;
+
 use std::sync::{Mutex, PoisonError};
+
+pub use journal::{STEP, note, recall};
 
 use crate::{
     error::{Error, Fault, Position, Result},
