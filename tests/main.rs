@@ -33,6 +33,8 @@ mod prefixes;
 #[cfg(test)]
 mod render;
 #[cfg(test)]
+mod resume;
+#[cfg(test)]
 mod sort;
 #[cfg(test)]
 mod stream;

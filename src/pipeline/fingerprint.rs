@@ -65,6 +65,7 @@ fn set_simplify(simplify: &Simplify, set: &mut impl FnMut(&str, String)) {
         assume_sorted,
         boundary_weight,
         placement,
+        keep,
         measure: _,
     } = simplify;
     let (name, value) = match goal {
@@ -72,6 +73,7 @@ fn set_simplify(simplify: &Simplify, set: &mut impl FnMut(&str, String)) {
         Goal::Ratio(ratio) => ("ratio", format!("{ratio:?}")),
         Goal::Cells(cells) => ("cells", cells.to_string()),
         Goal::CellSize(size) => ("cell size", format!("{size:?}")),
+        Goal::Tolerance => ("goal", "error bound".to_owned()),
     };
     set(name, value);
     set("method", method.name().to_owned());
@@ -82,6 +84,7 @@ fn set_simplify(simplify: &Simplify, set: &mut impl FnMut(&str, String)) {
     set("assume sorted", assume_sorted.map_or("no", |axis| axis.name()).to_owned());
     set("boundary weight", format!("{boundary_weight:?}"));
     set("placement", format!("{placement:?}"));
+    set("error bound", format!("{keep:?}"));
 }
 
 /// A file by its size, its time, and its ends; a stream has none of these.

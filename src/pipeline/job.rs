@@ -141,7 +141,8 @@ pub enum Method {
 
 impl Method {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Auto, Self::Stream, Self::Cluster, Self::Hybrid];
+    pub const ALL: [Self; 5] =
+        [Self::Auto, Self::Stream, Self::Cluster, Self::Hybrid, Self::Bounded];
 
     /// Its name, as on the command line.
     #[must_use]

@@ -63,6 +63,9 @@ struct Counts {
     shared: usize,
     joined: usize,
     costs: usize,
+    normals: usize,
+    settled: usize,
+    hung: usize,
     front: usize,
 }
 
@@ -141,6 +144,9 @@ fn write<M: Metric>(piece: &Piece<M>, workspace: &Workspace) -> Result<RecordFil
     writer.extend(words(&patch.shared))?;
     writer.extend(words(&patch.joined))?;
     writer.extend(words(costs))?;
+    writer.extend(words(&patch.normals))?;
+    writer.extend(words(&patch.settled))?;
+    writer.extend(words(&patch.hung))?;
     writer.extend(words(&extent.front))?;
     writer.finish()
 }
@@ -183,6 +189,9 @@ impl PieceFigures {
                 shared: patch.shared.len(),
                 joined: patch.joined.len(),
                 costs: costs.len(),
+                normals: patch.normals.len(),
+                settled: patch.settled.len(),
+                hung: patch.hung.len(),
                 front: extent.front.len(),
             },
         }
@@ -190,7 +199,7 @@ impl PieceFigures {
 
     fn piece<M: Metric>(&self, mut words: &[u32], room: Reservation) -> Piece<M> {
         let (words, counts) = (&mut words, &self.counts);
-        let patch = Patch {
+        let mut patch = Patch {
             positions: take::<[f32; 3]>(words, counts.positions)
                 .into_iter()
                 .map(Into::into)
@@ -201,8 +210,13 @@ impl PieceFigures {
             shared: take(words, counts.shared),
             joined: take(words, counts.joined),
             unit: f32::from_bits(self.unit),
+            ..Patch::default()
         };
         let costs = take(words, counts.costs);
+        let normals = take::<[f32; 3]>(words, counts.normals);
+        patch.normals = normals.into_iter().map(Into::into).collect();
+        patch.settled = take(words, counts.settled);
+        patch.hung = take(words, counts.hung);
         let front = take(words, counts.front);
         let until = self.until.as_ref().and_then(|digits| u128::from_str_radix(digits, 16).ok());
         let extent = Extent {
