@@ -17,6 +17,8 @@ mod convert;
 #[cfg(test)]
 mod decimate;
 #[cfg(test)]
+mod faults;
+#[cfg(test)]
 mod golden;
 #[cfg(test)]
 mod hybrid;

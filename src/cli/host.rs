@@ -24,6 +24,13 @@ pub(super) fn host() -> Host {
     }
 }
 
+/// Plans the fault that a test has asked for; builds for people make none.
+pub(super) fn plan_fault() {
+    if let Some(text) = std::env::var("MESHMILL_FAULT").ok().filter(|_| cfg!(debug_assertions)) {
+        assert!(meshmill::storage::plan_fault(&text), "no fault is called {text}");
+    }
+}
+
 /// Lets this process open as many files as it may: what systems set at first suits programs that
 /// expect few, and buckets are files. A system that refuses leaves fewer, which is slower only.
 pub(super) fn raise_open_files() {

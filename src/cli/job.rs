@@ -136,7 +136,8 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
 /// What the job begins with and what it leaves.
 fn keeping(args: &Convert) -> Keeping {
     Keeping {
-        start: if args.resume { Start::Resume } else { Start::Anew },
+        // A dry run does not even tidy up.
+        start: if args.resume && !args.dry_run { Start::Resume } else { Start::Anew },
         end: if args.keep_temp { End::Keep } else { End::Remove },
         interval: Duration::from_secs(args.checkpoint_seconds.into()),
     }

@@ -29,6 +29,7 @@ pub(crate) fn main() -> ExitCode {
     let Cli { command } = Cli::parse();
     meshmill::storage::share_heap();
     host::raise_open_files();
+    host::plan_fault();
     let host = host::host();
     match &command {
         Command::Simplify(args) => commands::simplify(args, &host),

@@ -39,7 +39,12 @@ impl Beginning {
         let key = key(job, &print);
         let mut beginning = Self { keeping, key, print, workspace: None, notes: Vec::new() };
         let mut resumable = Vec::new();
-        for left in find_left(&job.temp_dir, &beginning.key)? {
+        let found = match (find_left(&job.temp_dir, &beginning.key), keeping.start) {
+            // A folder that cannot be listed can still be worked in.
+            (Err(_), Start::Anew) => Vec::new(),
+            (found, _) => found?,
+        };
+        for left in found {
             match left.condition {
                 Condition::InUse if is_exclusive(job) => {
                     let (output, path) = (job.target.path().display(), left.path.display());
@@ -47,7 +52,7 @@ impl Beginning {
                         format!("{output} is being made by another run, which works in {path}");
                     return Err(Error::Request(text));
                 }
-                Condition::Useless(..) if keeping.start == Start::Resume => left.remove()?,
+                Condition::Useless(..) if keeping.start == Start::Resume => left.remove_if_old()?,
                 Condition::InUse | Condition::Useless(..) => {}
                 Condition::Resumable(..) => resumable.push(left),
             }
@@ -148,7 +153,10 @@ impl Beginning {
 /// Notes what a run that goes on has to know before anything else.
 pub(super) fn note_start(job: &Job, inputs: &[OpenInput], workspace: &Workspace) -> Result<()> {
     if inputs.iter().any(|open| !open.input.is_repeatable()) {
-        let declared: Vec<&Declared> = inputs.iter().map(|open| open.reader.declared()).collect();
+        // Nobody asks for the bounds once the input has been read.
+        let declared =
+            |open: &OpenInput| Declared { bounds: None, ..open.reader.declared().clone() };
+        let declared: Vec<Declared> = inputs.iter().map(declared).collect();
         workspace.note(INPUTS, &declared, Vec::new())?;
     }
     note_method(job, workspace)

@@ -19,7 +19,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use super::{
     FileEntry, Fingerprint, Manifest, Record, RecordFile, RecordWriter, Step, Workspace,
-    record::OwnedFile, system,
+    manifest::is_exact, record::OwnedFile, system,
 };
 use crate::error::{IoContext as _, Result};
 
@@ -357,6 +357,7 @@ impl Workspace {
 
 fn step_of(figures: &impl Serialize, files: &[Kept]) -> Step {
     let figures = serde_json::to_value(figures).expect("figures are plain data");
+    debug_assert!(is_exact(&figures), "{figures}");
     Step { figures, files: files.iter().map(|kept| kept.entry.clone()).collect() }
 }
 

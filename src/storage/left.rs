@@ -21,6 +21,10 @@ use super::{
 };
 use crate::error::{IoContext as _, Result};
 
+/// A workspace without a lock may be one that is just being made. Chosen by hand: that takes a
+/// moment.
+const BEGINNING: Duration = Duration::from_secs(60);
+
 /// A workspace of a job that is there already.
 #[derive(Debug)]
 pub struct Left {
@@ -130,17 +134,18 @@ impl Left {
         Ok(Some((workspace, damaged)))
     }
 
-    /// Removes a workspace that nobody uses.
+    /// Removes a useless workspace, if it is certain that nobody is about to begin in it: its lock is
+    /// held, or has been missing for long.
     ///
     /// # Errors
     /// [`crate::Error::Io`] when it cannot be removed.
-    pub fn remove(self) -> Result<()> {
-        match self.condition {
-            Condition::InUse => Ok(()),
-            Condition::Resumable(..) | Condition::Useless(..) => {
-                fs::remove_dir_all(&self.path).at("remove", &self.path)
-            }
+    pub fn remove_if_old(self) -> Result<()> {
+        let Condition::Useless(_, lock) = &self.condition else { return Ok(()) };
+        let age = || fs::metadata(&self.path).ok()?.modified().ok()?.elapsed().ok();
+        if lock.is_none() && age().is_none_or(|age| age < BEGINNING) {
+            return Ok(());
         }
+        fs::remove_dir_all(&self.path).at("remove", &self.path)
     }
 }
 
@@ -308,7 +313,7 @@ mod tests {
         let is_damaged =
             matches!(found.condition, Condition::Useless(Some(ManifestFault::Checksum), _));
         assert!(is_damaged, "{:?}", found.condition);
-        found.remove().unwrap();
+        found.remove_if_old().unwrap();
         assert!(!path.exists());
     }
 }

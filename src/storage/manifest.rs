@@ -108,7 +108,8 @@ impl Manifest {
         }
         let manifest: Self = serde_json::from_slice(json).map_err(|_| ManifestFault::Content)?;
         let are_plain = manifest.files().all(FileEntry::is_plain);
-        if are_plain { Ok(manifest) } else { Err(ManifestFault::Content) }
+        let are_exact = manifest.steps.values().all(|step| is_exact(&step.figures));
+        if are_plain && are_exact { Ok(manifest) } else { Err(ManifestFault::Content) }
     }
 
     /// All files of all steps.
@@ -122,6 +123,16 @@ impl Manifest {
         let names =
             self.job.keys().chain(other.keys().filter(|name| !self.job.contains_key(*name)));
         names.filter(|name| self.job.get(*name) != other.get(*name)).cloned().collect()
+    }
+}
+
+/// Whether all numbers in it are integers: others do not come back bit by bit.
+pub(super) fn is_exact(value: &Value) -> bool {
+    match value {
+        Value::Number(number) => !number.is_f64(),
+        Value::Array(values) => values.iter().all(is_exact),
+        Value::Object(fields) => fields.values().all(is_exact),
+        Value::Null | Value::Bool(_) | Value::String(_) => true,
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod budget;
 mod disk_use;
+mod faults;
 mod heap;
 mod journal;
 mod left;
@@ -18,6 +19,7 @@ mod workspace;
 mod writer;
 
 pub use budget::{Budget, Reservation};
+pub use faults::plan_fault;
 pub use heap::{HugePages, share_heap};
 pub use journal::{Due, Kept, Recalled};
 pub use left::{Condition, Left, find_left};

@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    io::{self, Seek as _, SeekFrom, Write},
+    io::{self, Seek as _, Write},
     path::{Path, PathBuf},
 };
 
@@ -115,12 +115,14 @@ impl OutputFile {
             _ => {}
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let partial = tempfile::Builder::new()
-            .prefix(&format!("{name}."))
-            .suffix(".partial")
-            .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
-            .tempfile_in(folder_of(&path))
-            .at("create", &path)?;
+        let create = || {
+            tempfile::Builder::new()
+                .prefix(&format!("{name}."))
+                .suffix(".partial")
+                .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
+                .tempfile_in(folder_of(&path))
+        };
+        let partial = system::create_by(create).at("create", &path)?;
         Ok(Self { sink: Sink::Partial(partial), path, overwrite })
     }
 
@@ -148,16 +150,11 @@ impl OutputFile {
     /// # Errors
     /// [`crate::Error::Io`] when the disk does not take it, or this is a stream.
     pub fn patch(&mut self, bytes: &[u8]) -> Result<()> {
-        let file = match &mut self.sink {
-            Sink::Partial(partial) => partial.as_file_mut(),
+        let file = match &self.sink {
+            Sink::Partial(partial) => partial.as_file(),
             Sink::Stream { file, .. } => file,
         };
-        let mut write = || {
-            file.seek(SeekFrom::Start(0))?;
-            file.write_all(bytes)?;
-            file.seek(SeekFrom::End(0))
-        };
-        write().map(drop).at("write", &self.path)
+        system::overwrite(file, bytes).at("write", &self.path)
     }
 
     /// Syncs the file and gives it its name. Returns its size.
@@ -174,11 +171,12 @@ impl OutputFile {
         let size_bytes = file.stream_position().at("write", &path)?;
         system::set_len(file, size_bytes).at("truncate", &path)?;
         system::sync(file).at("sync", &path)?;
-        let renamed = match overwrite {
+        let rename = || match overwrite {
             Overwrite::Replace => partial.persist(&path),
             Overwrite::Refuse => partial.persist_noclobber(&path),
         };
-        renamed.map(drop).map_err(|failed| failed.error).at("rename to", &path)?;
+        let renamed = system::rename_by(|| rename().map_err(|failed| failed.error));
+        renamed.map(drop).at("rename to", &path)?;
         Ok(size_bytes)
     }
 }

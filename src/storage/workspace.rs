@@ -19,6 +19,7 @@ use super::{
     Budget,
     disk_use::DiskUse,
     journal::{Journal, MANIFEST},
+    system,
 };
 use crate::error::{IoContext as _, Result};
 
@@ -80,7 +81,7 @@ impl Workspace {
             .at("create a temporary folder in", parent)?;
         let folder = Folder { path: folder.keep(), is_kept: false };
         let path = folder.path.join(LOCK);
-        let lock = File::options().write(true).create_new(true).open(&path).at("create", &path)?;
+        let lock = system::create_new(&path).at("create", &path)?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive).at("lock", &path)?;
         Ok(Self::in_folder(folder, lock))
     }
