@@ -173,14 +173,10 @@ pub(super) fn note_method(job: &Job, workspace: &Workspace) -> Result<()> {
 }
 
 /// Ends the use of a workspace: removes it, or leaves what can be gone on from.
-pub(super) fn settle<T>(
-    workspace: Workspace,
-    keeping: Option<Keeping>,
-    result: Result<T>,
-) -> Result<T> {
+pub(super) fn settle<T>(workspace: Workspace, job: &Job, result: Result<T>) -> Result<T> {
     let error = match result {
         Ok(value) => {
-            if keeping.is_some_and(|keeping| keeping.end == End::Keep) {
+            if job.keeping.is_some_and(|keeping| keeping.end == End::Keep) {
                 workspace.save_noted()?;
                 drop(workspace.keep());
             } else {
@@ -193,7 +189,7 @@ pub(super) fn settle<T>(
     if let Error::Damaged { path, .. } = &error {
         workspace.forget_file(path);
     }
-    if !is_worth_another_try(&error) {
+    if !is_worth_another_try(&error) || !is_worth_keeping(job, &workspace) {
         drop(workspace.to_be_removed());
         return Err(error);
     }
@@ -203,6 +199,13 @@ pub(super) fn settle<T>(
         }
         None => error,
     })
+}
+
+/// Whether a run could go on from what is noted, and would gain by it.
+fn is_worth_keeping(job: &Job, workspace: &Workspace) -> bool {
+    let is_done = |step: &String| step != METHOD && step != INPUTS;
+    let is_there = job.inputs.iter().all(Input::is_repeatable_path);
+    (is_there || workspace.is_noted(import::STEP)) && workspace.noted().iter().any(is_done)
 }
 
 /// Whether the same job might be done another time.

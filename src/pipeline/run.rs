@@ -162,7 +162,7 @@ impl Prepared {
         let run = Run { job: &job, colored, double, workspace: &workspace, monitor };
         let result = note_start(&job, &inputs, &workspace)
             .and_then(|()| threads.install(|| work(&run, inputs)));
-        settle(workspace, job.keeping, result)
+        settle(workspace, &job, result)
     }
 }
 
