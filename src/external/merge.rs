@@ -77,7 +77,6 @@ pub(super) fn merge_blocks<R: Keyed>(
                 open.release_below((R::Key::MAX, u64::MAX), &mut batch);
                 break;
             };
-            debug_assert!(block.records.is_sorted_by_key(R::key), "runs are sorted");
             open.release_below(block.rank(), &mut batch);
             open.insert(block);
         }
