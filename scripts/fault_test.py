@@ -27,7 +27,7 @@ JOBS = [
     ("weld", "weld in.stl -o out.ply --memory 1MiB"),
     ("soup", "soup big.ply -o out.stl --memory 1MiB"),
     ("cluster", "simplify in.stl -o out.ply --cells 400 --memory 1MiB"),
-    ("hybrid", "simplify in.ply -o out.ply --method hybrid -t 3000 --memory 2MiB"),
+    ("hybrid", "simplify in.ply -o out.ply --method hybrid -t 3000 --memory 4MiB"),
     ("stream", "simplify in.stl -o out.ply --ratio 20% --method stream --memory 16MiB"),
     ("choice", "simplify big.stl -o out.ply --ratio 20% --selection multiple-choice --memory 2MiB"),
     ("choice, packed", "simplify big.stl -o out.stl.gz --ratio 20% --selection multiple-choice --memory 1MiB"),
@@ -82,7 +82,7 @@ class Bench:
         said = ran.stderr
         if ran.returncode != 1 or "panicked" in said:
             raise Fault(f"{what}: exit {ran.returncode}: {said[:600]}")
-        if not re.search(r"meshmill: (cannot [a-z ]+ \S+|\S+: )", said):
+        if not re.search(r"meshmill: (cannot [a-z ]+ \S+|\S+: |.* needs \d+ bytes)", said):
             raise Fault(f"{what}: no path and verb: {said[:600]}")
         if output and os.path.exists(output):
             raise Fault(f"{what}: failed, and the output is there")
