@@ -141,6 +141,8 @@ const BUFFER_BYTES: u64 = 12 << 20;
 const FULL_TRIANGLES: u64 = 1 << 20;
 /// Bytes a triangle in the window of multiple choice takes, and one that is welded in memory.
 const WINDOW_BYTES: u64 = 80;
+/// Bytes of what waits to be put in order in passing, for each of the square root of all triangles.
+const FRONT_BYTES: u64 = 4000;
 const WELD_BYTES: u64 = 24;
 /// What structures take is multiplied by this: batches, the allocator's slack, and joins beside slabs.
 /// Chosen so that no run of `scripts/bench.py` takes more.
@@ -158,7 +160,7 @@ pub(super) fn memory_bytes(job: &Job, plan: &Plan, sizes: Sizes) -> u64 {
     let works_in = match &job.task {
         Task::Soup => 0,
         // More is for the report, once it is known that it was needed.
-        Task::Sort(_) if plan.unsorted_bytes > 0 => 0,
+        Task::Sort(_) if plan.unsorted_bytes > 0 => room.min(triangles.isqrt() * FRONT_BYTES),
         Task::Sort(_) => room.min(triangles * 2 * (sizes.triangle + 4)),
         Task::Weld if plan.temporary_bytes == Some(0) => room.min(triangles * WELD_BYTES),
         Task::Weld => room,

@@ -104,8 +104,9 @@ const SPILL_BYTES_PER_CELL: u64 = 400;
 /// Bytes of memory a triangle takes while its corners are welded there.
 const WELD_BYTES_IN_MEMORY: u64 = 96;
 /// Bytes a triangle takes at most while corners are sorted on disk to weld them: its three corners
-/// with their positions, and those that have their numbers. What has been read is given back.
-const WELD_BYTES_PER_TRIANGLE: u64 = 3 * (24 + 16);
+/// with their positions, and those that are on their way back with numbers. What a step has read stays
+/// until the next one is finished, so that a run that dies can go on.
+const WELD_BYTES_PER_TRIANGLE: u64 = 3 * (24 + 36);
 /// Bytes of a line of text that holds a vertex or a face, at least.
 const LINE_BYTES_MIN: u64 = 7;
 /// Bytes of a stored corner.

@@ -241,7 +241,7 @@ impl EstimatedReport {
 }
 
 /// Memory beside a sort on disk.
-const SORT_BYTES_BESIDE: u64 = 24 << 20;
+const SORT_BYTES_BESIDE: u64 = 28 << 20;
 
 impl Report {
     /// Sets what `plan` had told beside what came.
