@@ -114,6 +114,23 @@ fn standard_output_can_be_named_as_a_file() {
 }
 
 #[test]
+fn counts_of_a_stream_that_nothing_can_hold_are_3() {
+    let folder = Folder::new();
+    for (vertices, faces) in [(u64::MAX, 1), (4, 1_u64 << 62), (1 << 45, 1 << 45)] {
+        let header = format!(
+            "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
+             property float z\nelement face {faces}\nproperty list uchar int vertex_indices\n\
+             end_header\n0 0 0\n"
+        );
+        for line in ["simplify - -o out.ply --ratio 1%", "sort - -o out.stl", "soup - -o out.stl"] {
+            let ran = folder.run_with(&format!("{line} --input-format ply"), header.as_bytes());
+            assert_eq!(ran.code, Some(3), "{line}, {vertices}: {}", ran.stderr);
+            assert!(ran.stderr.contains("at most 17592186044416"), "{line}: {}", ran.stderr);
+        }
+    }
+}
+
+#[test]
 fn a_dry_run_prints_the_plan_and_writes_nothing() {
     let folder = folder();
     let before = folder.names();

@@ -37,13 +37,31 @@ pub fn open(
     }
     let mut source = Source::new(input);
     let format = decide(format, &mut source, options.size_bytes)?;
-    Ok(match format {
+    let reader: Box<dyn MeshReader> = match format {
         Format::Stl => stl::open(source, &options)?,
         Format::Obj => Box::new(obj::Reader::open(source, &options)?),
         Format::Soup => Box::new(soup::Reader::open(source, &options)?),
         Format::Ply => Box::new(ply::Reader::open(source, &options)?),
         Format::Off => Box::new(off::Reader::open(source, &options)?),
-    })
+    };
+    check_counts(reader.as_ref())?;
+    Ok(reader)
+}
+
+/// No disk holds more vertices or faces: 17.6 million million. What is reckoned from a count in bytes
+/// fits 64 bits up to here.
+const COUNT_MAX: u64 = 1 << 44;
+
+/// Refuses counts that no input can keep; of a stream nothing else shows that before its end.
+fn check_counts(reader: &dyn MeshReader) -> Result<()> {
+    let declared = reader.declared();
+    let counts = [("the vertex count", declared.vertices), ("the face count", declared.faces)];
+    for (what, count) in counts {
+        if let Some(count) = count.filter(|count| *count > COUNT_MAX) {
+            return Err(at_start(Fault::CountImpossible { what, count, limit: COUNT_MAX }));
+        }
+    }
+    Ok(())
 }
 
 /// Begins an output. `counts` are needed by formats whose header has them; where one can be
