@@ -46,6 +46,15 @@ impl Folder {
         meshes::files_in(self.0.path())
     }
 
+    /// Writes the triangles of a binary STL in no order.
+    pub(crate) fn scatter(&self, from: &str, to: &str) {
+        let bytes = self.read(from);
+        let (head, triangles) = bytes.split_at(84);
+        let mut triangles = triangles.as_chunks::<50>().0.to_vec();
+        Dice(5).shuffle(&mut triangles);
+        self.write(to, [head, triangles.as_flattened()].concat());
+    }
+
     /// The command, not yet started: the words of `line` are its arguments.
     pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_meshmill"));

@@ -140,11 +140,7 @@ fn many_threads_keep_within_the_memory() {
 fn a_sort_leaves_memory_for_the_slabs_of_one_thread() {
     let folder = Folder::new();
     folder.done("generate gyroid --triangles 2M -o in.stl");
-    let bytes = folder.read("in.stl");
-    let (head, triangles) = bytes.split_at(84);
-    let mut triangles = triangles.as_chunks::<50>().0.to_vec();
-    Dice(5).shuffle(&mut triangles);
-    folder.write("in.stl", [head, triangles.as_flattened()].concat());
+    folder.scatter("in.stl", "in.stl");
     let line = "simplify in.stl -o out.ply --ratio 10% --memory 112MiB -j 1";
     let report = folder.report(line);
     assert_eq!(report["method"], "stream");

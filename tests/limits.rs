@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use crate::command::{Dice, Folder};
+use crate::command::Folder;
 
 /// What is promised beside `--memory`, and room for what is reserved and never used: the limit counts
 /// addresses, such as the stacks of threads and vectors that have grown to twice what is in them.
@@ -29,11 +29,7 @@ fn no_command_takes_more_memory_than_was_promised() {
     folder.done("generate gyroid --triangles 1600k -o in.ply");
     folder.done("soup in.ply -o in.stl");
     folder.done("simplify in.ply -o small.ply --ratio 1%");
-    let bytes = folder.read("in.stl");
-    let (head, triangles) = bytes.split_at(84);
-    let mut triangles = triangles.as_chunks::<50>().0.to_vec();
-    Dice(3).shuffle(&mut triangles);
-    folder.write("scattered.stl", [head, triangles.as_flattened()].concat());
+    folder.scatter("in.stl", "scattered.stl");
     let failed: Vec<String> = [
         ("sort in.stl -o out.stl", 4),
         ("sort scattered.stl -o out.stl", 4),
