@@ -1,6 +1,6 @@
 //! Clustering followed by edge collapse through the command, and the choice of a method by memory.
 
-use std::{collections::HashMap, fs};
+use std::{collections::HashMap, fmt::Write as _, fs};
 
 use meshmill::formats::Format;
 
@@ -224,4 +224,42 @@ fn a_goal_near_the_input_is_met_too() {
     assert_eq!(report["reached_target"], true, "{report}");
     let wanted = (f64::from(60 * 60 * 2) * 0.8).round() as usize;
     assert_eq!(read(&folder, "out.ply").triangles().len(), wanted);
+}
+
+/// All squares of a lattice of cubes, as an OBJ: no edge inside it has fewer than four faces.
+fn lattice(side: usize) -> String {
+    let range = || 0..=side;
+    let vertices = range().flat_map(|z| range().flat_map(move |y| range().map(move |x| [x, y, z])));
+    let mut text = String::new();
+    vertices.clone().for_each(|[x, y, z]| writeln!(text, "v {x} {y} {z}").unwrap());
+    let steps = [1, side + 1, (side + 1) * (side + 1)];
+    for (index, corner) in vertices.enumerate() {
+        for [u, w] in [[0, 1], [1, 2], [2, 0]] {
+            if corner[u] < side && corner[w] < side {
+                let (a, b, d) = (index + 1, index + 1 + steps[u], index + 1 + steps[w]);
+                writeln!(text, "f {a} {b} {} {d}", b + steps[w]).unwrap();
+            }
+        }
+    }
+    text
+}
+
+#[test]
+fn auto_clusters_first_where_slabs_get_stuck() {
+    let folder = Folder::new();
+    fs::write(folder.path("in.obj"), lattice(12)).unwrap();
+    let asked = folder.report("simplify in.obj -o asked.ply -t 1000 --method stream");
+    assert_eq!((&asked["stopped_by"], &asked["method_reason"]), (&"topology".into(), &().into()));
+    let auto = folder.report("simplify in.obj -o out.ply -t 1000");
+    assert_eq!(auto["method"], "hybrid");
+    let reason = auto["method_reason"].as_str().unwrap();
+    let left = asked["output"]["triangles"].as_u64().unwrap();
+    assert!(reason.starts_with(&format!("slabs were left with {left} triangles")), "{reason}");
+    assert!(auto["output"]["triangles"].as_u64().unwrap() < left, "{auto}");
+    folder.done("simplify in.obj -o hybrid.ply -t 1000 --method hybrid");
+    assert!(folder.read("out.ply") == folder.read("hybrid.ply"));
+    // From a pipe there is no second time.
+    let line = "simplify - --input-format obj -o piped.ply -t 1000 --report piped.json";
+    assert_eq!(folder.run_with(line, &folder.read("in.obj")).code, Some(0));
+    assert!(folder.read("piped.ply") == folder.read("asked.ply"));
 }

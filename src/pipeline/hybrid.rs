@@ -1,16 +1,18 @@
 //! Clustering to a few times the wanted triangles, then decimation of what that leaves `[GS02]`.
 
 use super::{
-    HybridReport, Job, Method, Metric, Plan, Report, Simplify,
+    HybridReport, Job, Method, Metric, Plan, Report, Simplify, Task,
     attempts::{Clustered, Imported, Purpose, TOLERANCE_AT_ONCE},
+    decimation::Decimated,
     plan::{Sizes, plan_clustering},
+    resume::note_method,
     run::{Run, report_input},
 };
 use crate::{
     error::{Error, Result},
     mesh::{self, ByQuadric, ByVolume},
     progress::StageId,
-    soup::{ColoredPoint, Vertex, VertexQuadric},
+    soup::{ColoredPoint, Input, Vertex, VertexQuadric},
     stages::simplify::hybrid,
 };
 
@@ -19,6 +21,11 @@ use crate::{
 /// 9 % with four times, 10 % and 11 % with eight, 19 % and 31 % with sixteen: finer cells bend less
 /// of the surface, but leave more pieces where sheets touch. Time and memory grow with the factor.
 pub(super) const FACTOR: u64 = 4;
+
+/// Where slabs leave more than so many times the wanted triangles, and no collapse is legal any more,
+/// clustering goes first: it unties what collapses must leave alone. Below it a few triangles too many
+/// do less harm than what clustering does to details.
+const STUCK_FACTOR: f64 = 1.25;
 
 /// Bytes of memory that decimating needs after clustering so many triangles.
 pub(super) fn memory_bytes(simplify: &Simplify, triangles: u64) -> u64 {
@@ -62,6 +69,39 @@ pub(super) fn plan(job: &Job, simplify: &Simplify, sizes: Sizes, plan: &mut Plan
 }
 
 impl Run<'_> {
+    /// Whether what slabs have left is too far from the goal, and hybrid can be tried.
+    pub(super) fn hybrid_is_better<V: Vertex>(
+        &self,
+        decimated: &Decimated<V>,
+        inputs: &[Input],
+        simplify: &Simplify,
+    ) -> bool {
+        let left = decimated.outcome.mesh.counts().triangles as f64;
+        left > STUCK_FACTOR * decimated.outcome.triangles_target as f64
+            && decimated.outcome.triangles_target > 0
+            && inputs.iter().all(Input::is_repeatable)
+            && check_memory(simplify, Some(decimated.triangles_in), self.job.memory_bytes).is_ok()
+    }
+
+    /// Simplifies once more, after slabs got stuck at so many triangles.
+    pub(super) fn simplify_by_hybrid_instead<V: Vertex>(
+        &self,
+        inputs: &[Input],
+        simplify: &Simplify,
+        triangles_left: u64,
+    ) -> Result<Report> {
+        let reason = format!(
+            "slabs were left with {triangles_left} triangles, no further collapse keeping the \
+             surface what it is: clustering first"
+        );
+        let task = Task::Simplify(Simplify { method: Method::Hybrid, ..simplify.clone() });
+        note_method(&Job { task, ..self.job.clone() }, self.workspace)?;
+        let open = inputs.iter().map(Input::open).collect::<Result<_>>()?;
+        let imported = self.import_for_clustering::<V>(open)?;
+        let report = self.simplify_by_hybrid(imported, simplify)?;
+        Ok(Report { method_reason: Some(reason), ..report })
+    }
+
     pub(super) fn simplify_by_hybrid<V: Vertex>(
         &self,
         imported: Imported<V>,

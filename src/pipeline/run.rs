@@ -34,6 +34,8 @@ pub struct Prepared {
     inputs: Vec<OpenInput>,
     /// Where it keeps a journal.
     beginning: Option<Beginning>,
+    /// The method was left to us.
+    is_method_open: bool,
     /// What will be done.
     pub plan: Plan,
 }
@@ -53,6 +55,7 @@ pub fn prepare(job: Job) -> Result<Prepared> {
         beginning.as_ref().map_or_else(|| input.open(), |beginning| beginning.open(&input, index))
     };
     let inputs = job.inputs.iter().enumerate().map(open).collect::<Result<Vec<_>>>()?;
+    let is_method_open = matches!(&job.task, Task::Simplify(s) if s.method == Method::Auto);
     let mut job = job;
     let chosen_before = beginning.as_ref().and_then(Beginning::method);
     if let (Task::Simplify(simplify), Some(method)) = (&mut job.task, chosen_before) {
@@ -69,7 +72,7 @@ pub fn prepare(job: Job) -> Result<Prepared> {
     plan.unsorted_seconds = expected::unsorted_seconds(&job, &plan, machine);
     let (chosen, _) = method::choose(&job, plan.records)?;
     plan.notes.extend(beginning.iter().flat_map(|beginning| beginning.notes.iter().cloned()));
-    Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, beginning, plan })
+    Ok(Prepared { job: Job { task: chosen.task, ..job }, inputs, beginning, is_method_open, plan })
 }
 
 /// Refuses an output that is an input, or that cannot be made.
@@ -151,7 +154,7 @@ impl Prepared {
         monitor: &Monitor,
         work: impl FnOnce(&Run, Vec<OpenInput>) -> Result<T> + Send,
     ) -> Result<T> {
-        let Self { job, inputs, beginning, .. } = self;
+        let Self { job, inputs, beginning, is_method_open, .. } = self;
         let workspace = match beginning {
             Some(beginning) => beginning.workspace(&job.temp_dir)?,
             None => Workspace::create(&job.temp_dir)?,
@@ -159,7 +162,8 @@ impl Prepared {
         let Room { threads, workspace } = room(job.threads, workspace, job.memory_bytes)?;
         let colored = inputs.iter().any(|open| open.reader.declared().colors);
         let double = inputs.iter().any(|open| open.reader.declared().double);
-        let run = Run { job: &job, colored, double, workspace: &workspace, monitor };
+        let run =
+            Run { job: &job, is_method_open, colored, double, workspace: &workspace, monitor };
         let result = note_start(&job, &inputs, &workspace)
             .and_then(|()| threads.install(|| work(&run, inputs)));
         settle(workspace, &job, result)
@@ -184,6 +188,8 @@ pub(super) fn room(threads: usize, workspace: Workspace, memory_bytes: u64) -> R
 /// What the stages of one run share.
 pub(super) struct Run<'a> {
     pub(super) job: &'a Job,
+    /// As in [`Prepared`].
+    is_method_open: bool,
     /// An input has vertex colours.
     pub(super) colored: bool,
     /// An input has more than single precision.
@@ -266,7 +272,7 @@ impl Run<'_> {
         inputs: Vec<OpenInput>,
         simplify: &Simplify,
     ) -> Result<Report> {
-        let reopen = inputs.iter().map(|open| open.input.clone()).collect();
+        let reopen: Vec<Input> = inputs.iter().map(|open| open.input.clone()).collect();
         let outcome = self.import_ordered::<V>(inputs, simplify)?;
         // Where headers do not say how many triangles there are, the method is chosen only now.
         let (job, choice) = method::choose(self.job, Some(outcome.survey.triangles()))?;
@@ -280,6 +286,11 @@ impl Run<'_> {
             return Ok(Report { method_reason, ..report });
         }
         let decimated = self.decimate_to_goal(outcome, simplify)?;
+        if self.is_method_open && self.hybrid_is_better(&decimated, &reopen, simplify) {
+            let left = decimated.outcome.mesh.counts().triangles;
+            drop(decimated);
+            return self.simplify_by_hybrid_instead::<V>(&reopen, simplify, left);
+        }
         let mut report = report_input(&decimated.survey, decimated.triangles_in);
         report.method = Some(Method::Stream.name());
         report.method_reason = method_reason;
