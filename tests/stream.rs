@@ -215,3 +215,40 @@ fn rasters_whose_outline_and_voids_are_boundary_pass_through_a_small_window() {
     }
     eprintln!("{seen} rasters");
 }
+
+/// Hills of so many quads a side, an OBJ in the order of x.
+fn quads(side: usize) -> String {
+    let row = side + 1;
+    let vertices = (0..row * row).map(|i| {
+        let (x, y) = ((i / row) as f64, (i % row) as f64);
+        format!("v {x} {y} {}\n", 3.0 * (x / 7.0).sin() * (y / 9.0).cos())
+    });
+    let corners = (0..side * side).map(|i| i / side * row + i % side + 1);
+    let faces = corners.map(|a| format!("f {a} {} {} {}\n", a + row, a + row + 1, a + 1));
+    vertices.chain(faces).collect()
+}
+
+#[test]
+fn quads_count_as_two_triangles_in_every_way_through() {
+    let folder = Folder::new();
+    fs::write(folder.path("in.obj"), quads(100)).unwrap();
+    // With a header that counts its faces, and a vertex 0 that none of them has.
+    let listed = quads(100).replace("v ", "").replace("f ", "4 ");
+    fs::write(folder.path("in.off"), format!("OFF\n10202 10000 0\n0 0 0\n{listed}")).unwrap();
+    for input in ["in.obj", "in.off"] {
+        for means in [
+            "-t 2000",
+            "--ratio 10%",
+            "-t 2000 --assume-sorted x",
+            "-t 2000 --assume-sorted x --selection multiple-choice",
+            "--ratio 10% --assume-sorted x --selection multiple-choice",
+        ] {
+            let report = folder.report(&format!("simplify {input} -o out.stl --force {means}"));
+            let counts = (&report["input"]["triangles"], &report["output"]["triangles"]);
+            assert_eq!(counts, (&20_000.into(), &2000.into()), "{input} {means}");
+        }
+        folder.done(&format!(
+            "simplify {input} -o out.stl --force --max-error 0.1 --assume-sorted x"
+        ));
+    }
+}

@@ -135,6 +135,7 @@ fn config(
     bounded::Config {
         axis,
         triangles,
+        triangles_exact: None,
         bound: Bound { tolerance, fairing, update, sides, limits, faces },
         is_counted: simplify.goal != Goal::Tolerance,
         slab_triangles_min: bounded::SLAB_TRIANGLES_MIN,
@@ -195,7 +196,9 @@ impl Run<'_> {
             Some(_) => None,
             None => Some(self.order_of(&source, &survey)?),
         };
-        let triangles = order.map(|order| order.triangles).or(source.records());
+        let counted = order.map(|order| order.triangles);
+        let triangles = counted.or(source.records());
+        let triangles_exact = counted.or(source.triangles());
         if triangles.is_none() && simplify.goal != Goal::Tolerance {
             return Err(count_unknown());
         }
@@ -207,6 +210,7 @@ impl Run<'_> {
             Some(MaxError::Share(_)) => 0.0,
         };
         let config = config(simplify, triangles, axis, tolerance);
+        let config = bounded::Config { triangles_exact, ..config };
         let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
         let sort = self.order_config::<V>(axis, displacement_max);
         let mut sorted = None;

@@ -95,6 +95,7 @@ fn config(simplify: &Simplify, triangles: u64) -> decimate::Config {
     decimate::Config {
         axis: SweepAxis::X,
         triangles: Some(triangles),
+        triangles_exact: None,
         wanted: Wanted::Triangles(simplify.goal.triangles_wanted(triangles).unwrap_or(triangles)),
         metric: simplify.metric,
         slab_triangles_min: decimate::SLAB_TRIANGLES_MIN,
@@ -146,14 +147,14 @@ impl Run<'_> {
         // One slab has no neighbours whose threshold it has to share, and is put in order whole.
         let is_small = source.records().is_some_and(|count| count <= decimate::SLAB_TRIANGLES_MIN);
         let is_one_slab = is_small && simplify.assume_sorted.is_none();
-        let looked = self.workspace.recall::<Looked>(LOOKED).map(|recalled| recalled.figures);
-        let sampled = match simplify.assume_sorted {
-            None if !is_one_slab && looked.is_none() => Some(self.sample(&source, &survey)?),
+        let looked = match simplify.assume_sorted {
+            None if !is_one_slab => Some(self.look(&source, &survey, simplify)?),
             _ => None,
         };
-        let order = sampled.as_ref().map(|sampled| sampled.order);
-        let order = order.or(looked.as_ref().map(|looked| looked.order));
-        let triangles = order.map(|order| order.triangles).or(source.records());
+        let order = looked.map(|(order, _)| order);
+        let counted = order.map(|order| order.triangles);
+        let triangles = counted.or(source.records());
+        let triangles_exact = counted.or(source.triangles());
         let wanted = match (simplify.goal, triangles) {
             (Goal::Ratio(ratio), _) => Wanted::Ratio(ratio),
             (goal, Some(triangles)) => {
@@ -161,18 +162,15 @@ impl Run<'_> {
             }
             (_, None) => return Err(count_unknown()),
         };
-        let metric = simplify.metric;
-        let slab_triangles_min = decimate::SLAB_TRIANGLES_MIN;
-        let threshold = None;
-        let mut config =
-            decimate::Config { axis, triangles, wanted, metric, slab_triangles_min, threshold };
-        config.threshold = match looked {
-            Some(looked) => looked.threshold(),
-            None => sampled.and_then(|sampled| sampled.threshold(&config)),
+        let config = decimate::Config {
+            axis,
+            triangles,
+            triangles_exact,
+            wanted,
+            metric: simplify.metric,
+            slab_triangles_min: decimate::SLAB_TRIANGLES_MIN,
+            threshold: looked.and_then(|(_, threshold)| threshold),
         };
-        if let Some(order) = order {
-            self.workspace.note(LOOKED, &Looked::new(order, config.threshold), Vec::new())?;
-        }
         let displacement_max = order.map(|order| order.displacement_max[axis.index()]);
         let mut sort = self.presort_config::<V>(axis, displacement_max, &config);
         if is_one_slab {
@@ -191,7 +189,7 @@ impl Run<'_> {
         let noted = || Some(self.workspace.recall(FED)?.figures);
         let sorted: presort::Outcome = sorted.or_else(noted).expect("decimation was fed");
         let report = DecimateReport {
-            metric: metric.name(),
+            metric: simplify.metric.name(),
             axis: axis.name(),
             displacement_max: displacement_max.or(sorted.displacement_max),
             sorted_on_disk: sorted.on_disk,
@@ -202,6 +200,24 @@ impl Run<'_> {
         };
         let (findings, triangles_in) = (sorted.findings, sorted.triangles);
         Ok(Decimated { outcome, survey, findings, triangles_in, report })
+    }
+
+    /// What a first pass tells: the order, and the threshold for all slabs; or what it told a run
+    /// before this one.
+    fn look<V: Vertex>(
+        &self,
+        source: &Source<V>,
+        survey: &Survey,
+        simplify: &Simplify,
+    ) -> Result<(presort::Order, Option<decimate::Threshold>)> {
+        if let Some(recalled) = self.workspace.recall::<Looked>(LOOKED) {
+            return Ok((recalled.figures.order, recalled.figures.threshold()));
+        }
+        let sampled = self.sample(source, survey)?;
+        let order = sampled.order;
+        let threshold = sampled.threshold(&config(simplify, order.triangles));
+        self.workspace.note(LOOKED, &Looked::new(order, threshold), Vec::new())?;
+        Ok((order, threshold))
     }
 
     /// Measures the order of all triangles, and takes some of them aside.

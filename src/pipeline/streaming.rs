@@ -142,7 +142,14 @@ impl Run<'_> {
         let available = self.workspace.budget().available_bytes();
         let order_bytes = (available / ORDER_SHARE).max(ORDER_BYTES_MIN.min(available / 2));
         let sort = sort_config::<V>(axis, displacement_max, order_bytes);
-        let triangles = order.map(|order| order.triangles).or(source.records());
+        let triangles = match (order, simplify.goal) {
+            (Some(order), _) => Some(order.triangles),
+            // Polygons are counted as triangles only by a pass over them.
+            (None, Goal::Triangles(_)) if source.triangles() < source.records() => {
+                Some(self.measured_order(&source)?.triangles)
+            }
+            _ => source.triangles(),
+        };
         let target = match simplify.goal {
             Goal::Ratio(ratio) => stream::Target::Ratio(ratio),
             Goal::Triangles(triangles_wanted) => {

@@ -197,6 +197,13 @@ impl<V: Vertex> Source<V> {
         self.parts.iter().map(Part::records).sum()
     }
 
+    /// Triangles in all parts, when that is exact: of polygons it shows only once they are read.
+    #[must_use]
+    pub fn triangles(&self) -> Option<u64> {
+        let is_soup = |part: &Part<V>| matches!(part, Part::Soup(_) | Part::Stored(_));
+        self.records().filter(|_| self.parts.iter().all(is_soup))
+    }
+
     /// What a pass has before it.
     #[must_use]
     pub fn amount(&self) -> Amount {

@@ -28,8 +28,10 @@ use crate::{
 pub struct Config {
     /// The axis the stream is sorted along.
     pub axis: SweepAxis,
-    /// Triangles in the stream, when known.
+    /// Triangles in the stream, about, when known: polygons count as one.
     pub triangles: Option<u64>,
+    /// The same, when it is exact, for the progress.
+    pub triangles_exact: Option<u64>,
     /// What the result keeps to.
     pub bound: Bound,
     /// Whether the tolerance is raised, up to that of the bound, no further than the wanted number
@@ -133,7 +135,7 @@ pub fn decimate<V: Vertex>(
         let what = if config.is_counted { WHOLE } else { SLAB };
         return Err(Error::Resource { what, needed_bytes, available_bytes });
     }
-    let meter = monitor.meter(StageId::Decimate, config.triangles);
+    let meter = monitor.meter(StageId::Decimate, config.triangles_exact);
     let mut work = Work::<V>::new(config, &meter, budget);
     let mut cutter = Cutter::new(config.axis, config.slab_triangles_min());
     feed(&mut |triangles| cutter.push(triangles, &mut |slab| work.add(slab)))?;

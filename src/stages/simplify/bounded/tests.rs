@@ -46,6 +46,7 @@ fn config(soup: &Soup, bound: Bound, slab_triangles_min: u64) -> Config {
     Config {
         axis: SweepAxis::X,
         triangles: Some(soup.len() as u64),
+        triangles_exact: None,
         bound,
         is_counted: bound.faces > 0,
         slab_triangles_min,

@@ -37,8 +37,10 @@ use crate::{
 pub struct Config {
     /// The axis the stream is sorted along.
     pub axis: SweepAxis,
-    /// Triangles in the stream, when known; a slab or so more does no harm.
+    /// Triangles in the stream, about, when known: polygons count as one.
     pub triangles: Option<u64>,
+    /// The same, when it is exact, for the progress.
+    pub triangles_exact: Option<u64>,
     /// How many are wanted.
     pub wanted: Wanted,
     /// What decides which edges are collapsed, and where to.
@@ -228,7 +230,7 @@ fn decimate_by<V: Vertex, M: mesh::Metric>(
     if needed_bytes > available_bytes {
         return Err(Error::Resource { what: REST, needed_bytes, available_bytes });
     }
-    let meter = monitor.meter(StageId::Decimate, config.triangles);
+    let meter = monitor.meter(StageId::Decimate, config.triangles_exact);
     let work = Work::<M>::new::<V>(config, &meter, workspace)?;
     let slabs = if let Some(end) = work.end_noted()? {
         end.slabs

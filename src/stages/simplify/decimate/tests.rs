@@ -35,6 +35,7 @@ fn config(soup: &Soup, ratio: f64, slab_triangles_min: u64) -> Config {
     Config {
         axis: SweepAxis::X,
         triangles: Some(soup.len() as u64),
+        triangles_exact: Some(soup.len() as u64),
         wanted: Wanted::Ratio(ratio),
         metric: Metric::Quadric,
         slab_triangles_min,
