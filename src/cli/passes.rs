@@ -2,7 +2,7 @@
 //!
 //! It reads no clock: the time of an event comes with it.
 
-use std::time::Duration;
+use std::{collections::VecDeque, time::Duration};
 
 use meshmill::progress::{Amount, StageId};
 
@@ -32,7 +32,12 @@ pub(super) struct Pass {
     pub(super) started_at: Duration,
     /// When the display last said something of it.
     pub(super) shown_at: Duration,
+    /// Records that were done at times since about half of what is done now.
+    pub(super) marks: VecDeque<(Duration, u64)>,
 }
+
+/// Between two marks. Chosen by hand: a day of them is a megabyte or two.
+const MARK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Figures of a pass at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +48,8 @@ pub(super) struct Figures {
     pub(super) per_second: f64,
     /// Bytes per second, on disk; `None` when nobody knows them.
     pub(super) bytes_per_second: Option<f64>,
-    /// Time to its end at that rate; `None` when the total or the rate is not known.
+    /// Time to its end at the rate of the last half of what is done, since a pass may wait before
+    /// its first record; `None` when the total or the rate is not known.
     pub(super) left: Option<Duration>,
 }
 
@@ -53,13 +59,30 @@ impl Pass {
         let elapsed = now.saturating_sub(self.started_at);
         let seconds = elapsed.as_secs_f64();
         let per_second = if seconds > 0.0 { self.done as f64 / seconds } else { 0.0 };
-        let left = self.total.map(|total| total.saturating_sub(self.done) as f64 / per_second);
+        let (since, before) = self.marks.front().copied().unwrap_or((self.started_at, 0));
+        let lately = now.saturating_sub(since).as_secs_f64();
+        let lately_per_second = (self.done - before) as f64 / lately;
+        let left =
+            self.total.map(|total| total.saturating_sub(self.done) as f64 / lately_per_second);
         // Division by a rate of 0 is no duration.
         let left = left.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
         let record_bytes = self.bytes.zip(self.total.filter(|total| *total > 0));
         let record_bytes = record_bytes.map(|(bytes, total)| bytes as f64 / total as f64);
         let bytes_per_second = record_bytes.map(|bytes| bytes * per_second);
         Figures { elapsed, per_second, bytes_per_second, left }
+    }
+
+    /// `done` records are visited at time `now`.
+    fn reach(&mut self, done: u64, now: Duration) {
+        // Threads that share a meter report in any order.
+        self.done = self.done.max(done);
+        if self.marks.back().is_none_or(|(at, _)| now.saturating_sub(*at) >= MARK_INTERVAL) {
+            self.marks.push_back((now, self.done));
+        }
+        let half = self.done / 2;
+        while self.marks.get(1).is_some_and(|(_, done)| *done <= half) {
+            self.marks.pop_front();
+        }
     }
 }
 
@@ -137,6 +160,7 @@ impl Passes {
             done: 0,
             started_at: now,
             shown_at: now,
+            marks: VecDeque::from([(now, 0)]),
         });
         &self.under_way[self.under_way.len() - 1]
     }
@@ -152,8 +176,7 @@ impl Passes {
     ) -> Option<&Pass> {
         let index = self.find(stage)?;
         let pass = &mut self.under_way[index];
-        // Threads that share a meter report in any order.
-        pass.done = pass.done.max(done);
+        pass.reach(done, now);
         let share = pass.total.map_or(0.0, |total| pass.done as f64 / total.max(1) as f64);
         self.reach(stage, share);
         let pass = &mut self.under_way[index];
@@ -204,6 +227,18 @@ mod tests {
         assert_eq!(figures.elapsed, 5 * SECOND);
         assert_eq!(figures.per_second, 50.0);
         assert_eq!(figures.left, Some(15 * SECOND));
+    }
+
+    #[test]
+    fn a_wait_before_the_first_records_is_no_slowness() {
+        let mut passes = Passes::default();
+        passes.start(StageId::Decimate, Some(1000).into(), SECOND);
+        for (second, done) in [(101, 100), (102, 200), (103, 300), (104, 400)] {
+            passes.advance(StageId::Decimate, done, second * SECOND, SECOND);
+        }
+        let figures = passes.under_way[0].figures(104 * SECOND);
+        assert_eq!(figures.left, Some(6 * SECOND));
+        assert_eq!(figures.per_second, 400.0 / 103.0);
     }
 
     #[test]
