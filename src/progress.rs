@@ -135,15 +135,6 @@ impl From<Option<u64>> for Amount {
     }
 }
 
-impl Amount {
-    /// Records of a fixed size each.
-    #[must_use]
-    pub fn of_records(count: u64, record_bytes: usize) -> Self {
-        let bytes = count.saturating_mul(record_bytes as u64);
-        Self { records: Some(count), bytes: Some(bytes) }
-    }
-}
-
 /// Receives events. Called from worker threads; must not block.
 pub trait Observer: Sync {
     /// Handles one event.
@@ -205,6 +196,13 @@ impl<'a> Monitor<'a> {
         let Amount { records: total, bytes } = amount.into();
         self.observer.on(&Event::Started { stage, total, bytes });
         Meter { monitor: self, stage, done: AtomicU64::new(0), total }
+    }
+
+    /// Starts counting one pass over so many records that lie on disk as they lie in memory.
+    #[must_use]
+    pub fn meter_of<R>(&'a self, stage: StageId, records: u64) -> Meter<'a> {
+        let bytes = Some(records.saturating_mul(size_of::<R>() as u64));
+        self.meter(stage, Amount { records: Some(records), bytes })
     }
 
     /// Notices cancellation in work that is part of a pass already metered.

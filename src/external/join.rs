@@ -153,7 +153,7 @@ impl<'a, T: Record> Join<'a, T> {
             Way::Resident { values, table: in_memory, .. } => {
                 drop(in_memory);
                 let values = values.finish()?;
-                let meter = monitor.meter(config.stage, Some(slots));
+                let meter = monitor.meter_of::<T>(config.stage, slots);
                 let mut scanner = values.scan()?;
                 while let Some(batch) = scanner.next_batch()? {
                     meter.add(batch.len() as u64)?;
@@ -168,13 +168,13 @@ impl<'a, T: Record> Join<'a, T> {
                 let Config { stage, memory_bytes } = config;
                 let job = Job { stage, memory_bytes, workspace, monitor };
                 let mut placement = Placement::create(slots, &job)?;
-                let meter = monitor.meter(stage, Some(slots));
+                let meter = monitor.meter_of::<T>(stage, slots);
                 resolve(table, laps, block_shift, &job, |first_slot, values| {
                     meter.add(values.len() as u64)?;
                     placement.append(first_slot, values)
                 })?;
                 meter.finish();
-                let meter = monitor.meter(stage, Some(slots));
+                let meter = monitor.meter_of::<T>(stage, slots);
                 placement.finish_into(&mut |values| {
                     meter.add(values.len() as u64)?;
                     sink(values)

@@ -42,7 +42,7 @@ pub fn reduce<R: Keyed>(
 ) -> Result<()> {
     let shape = Shape::within::<R>(config.memory_bytes);
     let meter = |runs: &[RecordFile<R>]| {
-        monitor.meter(config.stage, Some(runs.iter().map(RecordFile::count).sum()))
+        monitor.meter_of::<R>(config.stage, runs.iter().map(RecordFile::count).sum())
     };
     let runs = narrow_runs(runs, &shape, workspace, |group, writer| {
         let meter = meter(&group);

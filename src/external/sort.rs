@@ -208,7 +208,7 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         let Self { config, workspace, monitor, count, .. } = self;
         let mut writer = RecordWriter::create(workspace, "sorted", Some(count))?;
         if let Spilled::InBuckets(buckets) = self.spilled {
-            let meter = monitor.meter(config.stage, Some(count));
+            let meter = monitor.meter_of::<R>(config.stage, count);
             write_sorted(buckets, config.memory_bytes, &meter, &mut writer)?;
             meter.finish();
         } else {
@@ -228,13 +228,13 @@ impl<'a, R: Keyed> Sorter<'a, R> {
         match spilled {
             Spilled::InRuns(runs) => return runs.merge_into(sink),
             Spilled::InBuckets(buckets) => {
-                let meter = monitor.meter(config.stage, Some(count));
+                let meter = monitor.meter_of::<R>(config.stage, count);
                 emit_sorted(buckets, memory_bytes, |records| emit(records, &meter, &mut sink))?;
                 meter.finish();
             }
             Spilled::Nothing => {
                 sort_parallel(&mut chunk);
-                let meter = monitor.meter(config.stage, Some(count));
+                let meter = monitor.meter_of::<R>(config.stage, count);
                 emit(&chunk, &meter, &mut sink)?;
                 meter.finish();
             }
@@ -246,7 +246,7 @@ impl<'a, R: Keyed> Sorter<'a, R> {
     /// Reads a whole file. Its size and a sample of its keys are known before.
     fn fill_from(&mut self, input: RecordFile<R>) -> Result<()> {
         let fits = input.count() <= self.chunk_records_max as u64;
-        let meter = self.monitor.meter(self.config.stage, Some(input.count()));
+        let meter = self.monitor.meter_of::<R>(self.config.stage, input.count());
         if !fits && self.config.engine != Engine::Merge {
             let memory_bytes = self.config.memory_bytes;
             let mut distribution = Distribution::of_file(&input, self.workspace, memory_bytes)?;

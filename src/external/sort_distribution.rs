@@ -131,7 +131,7 @@ pub(super) fn cut_large<R: Keyed>(
     };
     while buckets.iter().any(is_large) {
         let large = buckets.iter().filter(|bucket| is_large(bucket));
-        let meter = monitor.meter(config.stage, Some(large.map(|b| b.file.count()).sum()));
+        let meter = monitor.meter_of::<R>(config.stage, large.map(|b| b.file.count()).sum());
         let mut smaller = Vec::with_capacity(buckets.len());
         for bucket in buckets {
             if !is_large(&bucket) {

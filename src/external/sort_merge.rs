@@ -125,7 +125,7 @@ impl<'a, R: Keyed> Runs<'a, R> {
     }
 
     fn meter(&self, records: u64) -> Meter<'a> {
-        self.monitor.meter(self.config.stage, Some(records))
+        self.monitor.meter_of::<R>(self.config.stage, records)
     }
 }
 
