@@ -5,7 +5,7 @@ use std::{borrow::Cow, io, time::Duration};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::{
-    figures::{count, rates},
+    figures::{rates, short},
     lines::{NAME_WIDTH, eta, whole},
     passes::{Overall, Pass},
 };
@@ -91,13 +91,13 @@ impl Bars {
     }
 }
 
-/// What stands right of the bar: `38.6 M/s  ETA 3.2 s  12,345 / 99,999`. The counts come last: they
-/// are what a narrow terminal cuts off.
+/// What stands right of the bar: `38.6 M/s  ETA 3.2 s  12.3 M / 99.9 M`, which fits 80 columns with a
+/// rate in bytes. The counts come last: they are what a narrower terminal cuts off.
 fn message(pass: &Pass, now: Duration) -> Cow<'static, str> {
     let figures = pass.figures(now);
-    let total = pass.total.map(|total| format!(" / {}", count(total))).unwrap_or_default();
+    let total = pass.total.map(|total| format!(" / {}", short(total as f64))).unwrap_or_default();
     let (rates, eta) = (rates(&figures), eta(figures.left));
-    format!("{rates}{eta}  {}{total}", count(pass.done)).into()
+    format!("{rates}{eta}  {}{total}", short(pass.done as f64)).into()
 }
 
 /// The style of a template; a test holds that both are understood.
@@ -125,10 +125,10 @@ mod tests {
         passes.start(StageId::Sort, Some(100_000).into(), Duration::ZERO);
         let now = Duration::from_secs(5);
         let pass = passes.advance(StageId::Sort, 20_000, now, Duration::ZERO).unwrap();
-        assert_eq!(message(pass, now), "4.00 k/s  ETA 20 s  20,000 / 100,000");
+        assert_eq!(message(pass, now), "4.00 k/s  ETA 20 s  20.0 k / 100 k");
         passes.start(StageId::Import, None.into(), Duration::ZERO);
         let pass = passes.advance(StageId::Import, 20_000, now, Duration::ZERO).unwrap();
-        assert_eq!(message(pass, now), "4.00 k/s  20,000");
+        assert_eq!(message(pass, now), "4.00 k/s  20.0 k");
     }
 
     #[test]

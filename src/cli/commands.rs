@@ -127,6 +127,7 @@ fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>
     let plan = prepared.plan.clone();
     session.display.expect(&plan.seconds);
     let mut report = prepared.run(&session.monitor())?;
+    session.display.close();
     complete_report(&mut report, Some(&plan), &args.run, session)?;
     tell(&report, args, to_stdout, session)?;
     Ok(Some(report))

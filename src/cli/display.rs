@@ -121,7 +121,7 @@ impl Display {
         self.lock().passes.stages()
     }
 
-    /// Removes bars that are left when a job has failed, so that the error stands alone.
+    /// Removes the bars that are left at the end of a job, so that what came of it stands alone.
     pub(crate) fn close(&self) {
         if let Surface::Bars(bars) = &mut self.lock().surface {
             bars.clear();

@@ -102,7 +102,13 @@ pub(super) fn rates(figures: &Figures) -> String {
 
 /// Records per second in three digits: `38.6 M/s`.
 fn rate(per_second: f64) -> String {
-    let (mut scaled, mut unit) = (per_second, "");
+    let text = short(per_second);
+    if text.contains(' ') { format!("{text}/s") } else { format!("{text} /s") }
+}
+
+/// A count in three digits: `38.6 M`.
+pub(super) fn short(count: f64) -> String {
+    let (mut scaled, mut unit) = (count, "");
     for larger in ["k", "M", "G", "T"] {
         // What would round to four digits gets the next unit.
         if scaled < 999.5 {
@@ -118,7 +124,8 @@ fn rate(per_second: f64) -> String {
         (_, ..99.95) => 1,
         _ => 0,
     };
-    format!("{scaled:.decimals$} {unit}/s")
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{scaled:.decimals$}{space}{unit}")
 }
 
 /// `3.2 s`, `48 s`, `12 min 05 s`, `3 h 07 min`.
