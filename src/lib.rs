@@ -13,6 +13,9 @@ pub mod geometry;
 pub mod formats;
 pub mod storage;
 
+// What others look at our results with.
+pub mod viewer;
+
 // Records with a meaning, and the three out-of-core primitives over them.
 pub mod external;
 pub mod soup;

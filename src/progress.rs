@@ -50,6 +50,8 @@ pub enum StageId {
     Compare,
     /// Triangles drawn.
     Render,
+    /// A mesh put into a page.
+    Document,
 }
 
 impl StageId {
@@ -75,6 +77,7 @@ impl StageId {
             Self::Sample => "sample",
             Self::Compare => "compare",
             Self::Render => "render",
+            Self::Document => "document",
         }
     }
 }

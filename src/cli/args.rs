@@ -8,6 +8,7 @@ use meshmill::{formats::Format, pipeline::MaxError};
 use super::{
     bound::Keep,
     display::Style,
+    document::Document,
     render::{ComparePicture, Render},
     values,
 };
@@ -36,6 +37,7 @@ Examples:
   meshmill info scan.ply --json
   meshmill compare scan.ply small.ply --memory 1GiB
   meshmill render scan.ply -o scan.png --view iso
+  meshmill document scan.pm -o scan.html
   meshmill generate gyroid --triangles 10M -o test.ply
 
 Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it says,
@@ -57,6 +59,8 @@ pub(super) enum Command {
     Compare(Compare),
     /// A picture of any mesh, drawn as it streams by
     Render(Render),
+    /// A page that shows a progressive mesh, finer while it loads
+    Document(Document),
     /// A synthetic surface of any size, streamed
     Generate(Generate),
 }

@@ -6,6 +6,7 @@ mod bound;
 mod commands;
 mod compare;
 mod display;
+mod document;
 mod figures;
 mod host;
 mod info;
@@ -39,6 +40,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Info(args) => info::info(args, &host),
         Command::Compare(args) => compare::compare(args, &host),
         Command::Render(args) => render::render(args, &host),
+        Command::Document(args) => document::document(args, &host),
         Command::Generate(args) => commands::generate(args, &host),
     }
 }

@@ -6,6 +6,7 @@ mod bounded;
 mod compare;
 mod compare_picture;
 mod decimation;
+mod document;
 mod expected;
 mod fingerprint;
 mod hybrid;
@@ -30,6 +31,7 @@ pub use compare::{
     DeviationReport, RelativeReport, SamplesReport, compare,
 };
 pub use compare_picture::ComparePicture;
+pub use document::{DataPlacement, Document, DocumentReport, document, path_beside};
 pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{End, Goal, Job, Keeping, Method, Selection, Simplify, Sort, Start, Task};
 pub use method::Choice;

@@ -9,7 +9,7 @@ use super::{SourceFile, Views, expect_none, rust_files, views::leading_word};
 const LAYERS: &[&[&str]] = &[
     &["geometry", "progress"],
     &["error"],
-    &["formats", "storage"],
+    &["formats", "storage", "viewer"],
     &["soup", "external"],
     &["mesh"],
     &["stages"],
