@@ -11,7 +11,8 @@ usage: scripts/check.sh [--peers] [--fuzz SECONDS]
   --fuzz SECONDS  also build every fuzz target and run each for SECONDS; says so and goes on
                   where there is no nightly toolchain or cargo-fuzz
 
-Tests that need the large meshes find them through MESHMILL_SHARED (the folder that contains
+The viewer is tested in node and, with `npm ci` done in tests/browser, in chromium; what is missing
+is skipped aloud. Tests that need the large meshes find them through MESHMILL_SHARED (the folder that contains
 meshes/) and say so when they skip.
 END
 }
@@ -68,6 +69,8 @@ step "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 [ "$peers" = no ] || check_peers
 [ -z "$fuzz_seconds" ] || check_fuzz_targets
+step "viewer"
+scripts/browser_test.sh
 # Last, so that what the tests say of themselves closes the log.
 step "tests"
 cargo test --locked
