@@ -27,6 +27,8 @@ METHODS = [
     ("multiple choice", "simplify {in} -o {out} --ratio 5% --selection multiple-choice --memory 24MiB", "shuffled.stl", "out.ply"),
     ("cluster, spills", "simplify {in} -o {out} --cells 300 --memory 3MiB", "shuffled.stl", "out.ply"),
     ("cluster, count", "simplify {in} -o {out} --method cluster -t 3000 --memory 24MiB", "scattered.ply", "out.ply"),
+    ("bounded", "simplify {in} -o {out} --max-error 0.2% --memory 80MiB", "shuffled.stl", "out.ply"),
+    ("bounded, colours", "simplify {in} -o {out} --max-error 0.5% --max-color-error 9 --max-normal-deviation 40 --memory 80MiB", "colored.soup", "out.ply"),
     ("hybrid", "simplify {in} -o {out} --method hybrid -t 9000 --memory 24MiB", "scattered.ply", "out.ply"),
     ("sort", "sort {in} -o {out} --memory 3MiB", "shuffled.stl", "out.soup"),
     ("sort, in order", "sort {in} -o {out} --axis x --memory 3MiB", "ordered.soup", "out.stl"),

@@ -2,6 +2,7 @@
 
 use super::{
     BoundedReport, Goal, Job, Method, Plan, Report, Simplify,
+    decimation::FED,
     plan::Sizes,
     run::{Run, report_input},
     streaming::{count_unknown, sort_config},
@@ -218,10 +219,13 @@ impl Run<'_> {
             // The vertex table goes before the result needs its memory.
             let source: Source<V> = source;
             let _room = self.workspace.budget().reserve(sort.memory_bytes);
-            sorted = Some(presort::presort(&source, &sort, self.workspace, self.monitor, sink)?);
+            let outcome = presort::presort(&source, &sort, self.workspace, self.monitor, sink)?;
+            self.workspace.note(FED, &outcome, Vec::new())?;
+            sorted = Some(outcome);
             Ok(())
         })?;
-        let sorted = sorted.expect("decimation has fed itself");
+        let noted = || Some(self.workspace.recall(FED)?.figures);
+        let sorted: presort::Outcome = sorted.or_else(noted).expect("decimation was fed");
         let mut report = report_input(&survey, sorted.triangles);
         report.method = Some(Method::Bounded.name());
         let wanted = simplify.goal.triangles_wanted(sorted.triangles);

@@ -52,7 +52,7 @@ impl<V: Vertex> Sampled<V> {
 
 /// What the first pass and the feeding of the slabs are called in the journal of the workspace.
 const LOOKED: &str = "order and threshold";
-const FED: &str = "slabs: fed";
+pub(super) const FED: &str = "slabs: fed";
 
 /// What a first pass over the triangles tells, for the journal: numbers by their bits.
 #[derive(Serialize, Deserialize)]

@@ -77,10 +77,16 @@ impl SweepPlace {
         self.0
     }
 
-    /// The place that these are the bits of.
+    /// As hexadecimal digits, for what has no integers so large.
     #[must_use]
-    pub fn of_bits(bits: u128) -> Self {
-        Self(bits)
+    pub fn to_digits(self) -> String {
+        format!("{:x}", self.0)
+    }
+
+    /// The place that these are the digits of, if it is one.
+    #[must_use]
+    pub fn of_digits(digits: &str) -> Option<Self> {
+        u128::from_str_radix(digits, 16).ok().map(Self)
     }
 
     /// As [`Self::of`], of coordinates that [`SweepAxis::to_front`] has ordered.

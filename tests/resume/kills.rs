@@ -11,6 +11,7 @@ const METHODS: &[&str] = &[
     "simplify in.stl -o OUT.ply --cells 150 --memory 1MiB",
     "simplify in.ply -o OUT.ply --method cluster -t 700 --memory 2MiB",
     "simplify in.ply -o OUT.ply --method hybrid -t 900 --memory 4MiB",
+    "simplify in.stl -o OUT.ply --max-error 0.5% --memory 48MiB",
     "sort in.stl -o OUT.soup --memory 1MiB",
     "soup in.ply -o OUT.stl --memory 1MiB",
     "weld in.stl -o OUT.ply --memory 1MiB",

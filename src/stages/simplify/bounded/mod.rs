@@ -6,6 +6,7 @@
 //! but a strip beside the interfaces is finished, and what was removed there is forgotten. Strips of
 //! neighbours are joined, decimated and finished in turn, until nothing is left to join.
 
+mod journal;
 mod piece;
 mod slab;
 #[cfg(test)]
@@ -13,14 +14,15 @@ mod tests;
 mod tree;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use self::{piece::Piece, tree::Tree};
+use self::{journal::Saved, piece::Piece, tree::Tree};
 use crate::{
     error::{Error, Result},
     mesh::{Bound, ByDeviation, Patch, face_bytes, unit_of},
     progress::{Meter, Monitor, StageId},
     soup::{Cutter, IndexedMesh, Slab, SweepAxis, Triangle, Vertex},
-    storage::{Budget, Reservation, Workspace},
+    storage::{Budget, Reservation, StreamEnd, Workspace},
 };
 
 /// What decimation under a bound needs to know.
@@ -55,7 +57,7 @@ pub struct Outcome<V> {
 }
 
 /// What was noticed of the triangles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Figures {
     /// Triangles left out because two of their corners were one point.
     pub degenerate: u64,
@@ -136,11 +138,17 @@ pub fn decimate<V: Vertex>(
         return Err(Error::Resource { what, needed_bytes, available_bytes });
     }
     let meter = monitor.meter(StageId::Decimate, config.triangles_exact);
-    let mut work = Work::<V>::new(config, &meter, budget);
-    let mut cutter = Cutter::new(config.axis, config.slab_triangles_min());
-    feed(&mut |triangles| cutter.push(triangles, &mut |slab| work.add(slab)))?;
-    cutter.finish().map_or(Ok(()), |slab| work.add(slab))?;
-    work.decimate_waiting()?;
+    let mut work = Work::<V>::new(config, &meter, workspace)?;
+    if let Some(end) = work.saved.end {
+        work.slabs = end.slabs;
+        meter.add(end.triangles)?;
+    } else {
+        let mut cutter = Cutter::new(config.axis, config.slab_triangles_min());
+        feed(&mut |triangles| cutter.push(triangles, &mut |slab| work.add(slab)))?;
+        cutter.finish().map_or(Ok(()), |slab| work.add(slab))?;
+        work.decimate_waiting()?;
+        work.note_end()?;
+    }
     let (slabs, tree) = (work.slabs, work.tree);
     meter.finish();
     let open_faces = tree.open_faces();
@@ -158,6 +166,7 @@ pub fn decimate<V: Vertex>(
 struct Work<'a, V> {
     config: &'a Config,
     meter: &'a Meter<'a>,
+    workspace: &'a Workspace,
     budget: &'a Budget,
     /// Slabs that wait for the others they are worked on with, and the memory that takes.
     waiting: Vec<(Slab<V>, Reservation)>,
@@ -165,23 +174,41 @@ struct Work<'a, V> {
     unit: Option<f32>,
     slabs: u64,
     tree: Tree,
+    /// What is left of slabs, in files.
+    saved: Saved,
 }
 
 impl<'a, V: Vertex> Work<'a, V> {
-    fn new(config: &'a Config, meter: &'a Meter<'a>, budget: &'a Budget) -> Self {
-        Self {
+    /// Begins with what a run before this one has left.
+    fn new(config: &'a Config, meter: &'a Meter<'a>, workspace: &'a Workspace) -> Result<Self> {
+        let budget = workspace.budget();
+        let saved = journal::recall(workspace)?;
+        let pieces = journal::load(&saved, |bytes| {
+            budget.reserve(bytes).ok_or_else(|| Error::Resource {
+                what: RESULT,
+                needed_bytes: bytes,
+                available_bytes: budget.available_bytes(),
+            })
+        })?;
+        Ok(Self {
             config,
             meter,
+            workspace,
             budget,
             waiting: Vec::new(),
             unit: None,
             slabs: 0,
-            tree: Tree::default(),
-        }
+            tree: Tree::of_pieces(pieces),
+            saved,
+        })
     }
 
     fn add(&mut self, slab: Slab<V>) -> Result<()> {
         self.unit.get_or_insert_with(|| unit_of(&slab.triangles));
+        if self.saved.holds(slab.index) {
+            self.slabs += 1;
+            return Ok(self.meter.add(slab.triangles.len() as u64)?);
+        }
         let bytes = slab.triangles.len() as u64 * Config::triangle_bytes::<V>();
         let mut room = self.budget.reserve(bytes);
         if room.is_none() {
@@ -213,6 +240,18 @@ impl<'a, V: Vertex> Work<'a, V> {
             Ok(piece)
         });
         let pieces = pieces.collect::<Result<Vec<Piece>>>()?;
-        self.tree.add(pieces, self.config, self.budget)
+        self.tree.add(pieces, self.config, self.budget)?;
+        // Only here is each slab either in the tree, or not begun.
+        match self.workspace.due() {
+            Some(due) => journal::save(&mut self.saved, &due, self.tree.pieces(), self.workspace),
+            None => Ok(()),
+        }
+    }
+
+    /// Notes that all slabs are done, unless all of it took next to no time.
+    fn note_end(&mut self) -> Result<()> {
+        let Some(due) = self.workspace.milestone() else { return Ok(()) };
+        self.saved.end = Some(StreamEnd { slabs: self.slabs, triangles: self.meter.done() });
+        journal::save(&mut self.saved, &due, self.tree.pieces(), self.workspace)
     }
 }

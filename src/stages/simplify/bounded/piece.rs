@@ -4,12 +4,12 @@ use std::collections::HashSet;
 
 use glam::Vec3;
 
-use super::{Config, Figures, RESULT};
+use super::{Config, Figures, RESULT, tree::FAMILY};
 use crate::{
     error::{Error, Result},
     mesh::{ByDeviation, Mesh, Patch, Settled, decimate_bounded, decimate_to_count, face_bytes},
     soup::{Point, SweepAxis, SweepPlace},
-    storage::{Budget, Reservation},
+    storage::{Budget, PieceName, Reservation},
 };
 
 /// Where a stretch of the stream borders on others.
@@ -23,6 +23,8 @@ pub(super) struct Border {
 
 /// What is left of a stretch of the stream.
 pub(super) struct Piece {
+    /// Where it belongs.
+    pub(super) name: PieceName,
     pub(super) border: Border,
     /// What can still change: within [`OPEN_EDGES`] of a vertex that has faces elsewhere.
     pub(super) open: Patch<ByDeviation>,
@@ -45,7 +47,7 @@ impl Piece {
     pub(super) fn of_mesh(
         mut mesh: Mesh<ByDeviation>,
         config: &Config,
-        border: Border,
+        (name, border): (PieceName, Border),
         mut room: Reservation,
     ) -> Self {
         let tolerance = if config.is_counted {
@@ -58,12 +60,13 @@ impl Piece {
         let bytes = finished.size_bytes() + open.size_bytes() + size_of_val(&border.front[..]);
         room.shrink_to(bytes as u64);
         let figures = Figures { complex_vertices, ..Figures::default() };
-        Self { border, open, finished: vec![finished], figures, tolerance, room }
+        Self { name, border, open, finished: vec![finished], figures, tolerance, room }
     }
 
     /// What is left of nothing.
     pub(super) fn nothing() -> Self {
         Self {
+            name: (0, 0),
             border: Border::default(),
             open: Patch::default(),
             finished: Vec::new(),
@@ -95,12 +98,14 @@ impl Piece {
             let available_bytes = budget.available_bytes();
             return Err(Error::Resource { what: RESULT, needed_bytes: bytes, available_bytes });
         };
-        let (mut border, mut figures) = (Border::default(), Figures::default());
+        let (mut name, mut border) = ((0, 0), Border::default());
+        let mut figures = Figures::default();
         let (mut opens, mut finished) = (Vec::new(), Vec::new());
         for (number, piece) in family.into_iter().enumerate() {
             border.until = piece.border.until;
             if number == 0 {
                 border.front = piece.border.front;
+                name = (piece.name.0 + 1, piece.name.1 / FAMILY as u64);
             }
             opens.push(piece.open);
             finished.extend(piece.finished);
@@ -110,7 +115,7 @@ impl Piece {
         let patch = Patch::join(opens, border.is_shared(config.axis));
         let mesh = Mesh::of_open(patch);
         figures.split_vertices += mesh.split_vertices() as u64;
-        let mut joined = Self::of_mesh(mesh, config, border, Reservation::default());
+        let mut joined = Self::of_mesh(mesh, config, (name, border), Reservation::default());
         finished.append(&mut joined.finished);
         joined.figures.add(&figures);
         let finished_bytes: usize = finished.iter().map(Patch::size_bytes).sum();

@@ -17,7 +17,7 @@ pub(super) fn decimate<V: Vertex>(
     unit: f32,
     room: Reservation,
 ) -> Piece {
-    let Slab { triangles, front, until, .. } = slab;
+    let Slab { index, triangles, front, until } = slab;
     let mut welded = weld(&triangles);
     drop(triangles);
     let mut shared: Vec<u32> = front.iter().filter_map(|p| welded.find(*p)).collect();
@@ -46,7 +46,7 @@ pub(super) fn decimate<V: Vertex>(
         split_vertices: mesh.split_vertices() as u64,
         ..Figures::default()
     };
-    let mut piece = Piece::of_mesh(mesh, config, Border { front, until }, room);
+    let mut piece = Piece::of_mesh(mesh, config, ((0, index), Border { front, until }), room);
     piece.figures.add(&figures);
     piece.add_loose(&far);
     piece

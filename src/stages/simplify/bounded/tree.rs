@@ -8,7 +8,7 @@ use super::{Config, piece::Piece};
 use crate::{error::Result, storage::Budget};
 
 /// Pieces that are joined to one.
-const FAMILY: usize = 4;
+pub(super) const FAMILY: usize = 4;
 
 /// Pieces that wait for their neighbours, by level, in the order of the stream.
 #[derive(Default)]
@@ -44,9 +44,25 @@ impl Tree {
         Ok(())
     }
 
+    /// Pieces that were made in this order.
+    pub(super) fn of_pieces(pieces: Vec<Piece>) -> Self {
+        let mut tree = Self::default();
+        for piece in pieces {
+            let level = piece.name.0 as usize;
+            tree.levels.resize_with(tree.levels.len().max(level + 1), Vec::new);
+            tree.levels[level].push(piece);
+        }
+        tree
+    }
+
+    /// All of them.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece> {
+        self.levels.iter().flatten()
+    }
+
     /// Faces that can still change.
     pub(super) fn open_faces(&self) -> u64 {
-        self.levels.iter().flatten().map(Piece::open_faces).sum()
+        self.pieces().map(Piece::open_faces).sum()
     }
 
     /// Joins all that is left. The stream has ended.

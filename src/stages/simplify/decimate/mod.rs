@@ -19,7 +19,6 @@ mod tree;
 mod work;
 
 pub use blobs::Blobs;
-use journal::StreamEnd;
 use piece::Piece;
 pub use threshold::{Threshold, threshold};
 use work::{REST, Work, busy_bytes, slabs_under_way};
@@ -29,7 +28,7 @@ use crate::{
     mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch},
     progress::{Monitor, StageId},
     soup::{Cutter, IndexedMesh, Slab, SweepAxis, Triangle, Vertex},
-    storage::Workspace,
+    storage::{StreamEnd, Workspace},
 };
 
 /// What decimation needs to know.

@@ -10,7 +10,7 @@ use std::{
 
 use super::{
     Config,
-    journal::{Saved, StreamEnd},
+    journal::{self, Saved},
     piece::{Extent, Piece},
     slab,
     tree::{Tree, faces_of},
@@ -20,7 +20,7 @@ use crate::{
     mesh::{self, Mesh},
     progress::Meter,
     soup::{Slab, Vertex},
-    storage::{Budget, Reservation, Workspace},
+    storage::{Budget, Reservation, StreamEnd, Workspace},
 };
 
 /// What [`Error::Resource`] names when a slab does not fit.
@@ -60,8 +60,8 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         workspace: &'a Workspace,
     ) -> Result<Self> {
         let budget = workspace.budget();
-        let saved = Saved::recall(workspace)?;
-        let pieces = saved.load(|bytes| {
+        let saved = journal::recall(workspace)?;
+        let pieces = journal::load(&saved, |bytes| {
             budget.reserve(bytes).ok_or_else(|| Error::Resource {
                 what: REST,
                 needed_bytes: bytes,
@@ -101,7 +101,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     fn checkpoint(&self) -> Result<()> {
         let Some(due) = self.workspace.due() else { return Ok(()) };
         let mut saved = self.saved();
-        saved.save(&due, self.tree().pieces(), self.workspace)
+        journal::save(&mut saved, &due, self.tree().pieces(), self.workspace)
     }
 
     /// The same when all slabs are cut and done, unless all of it took next to no time.
@@ -109,7 +109,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let Some(due) = self.workspace.milestone() else { return Ok(()) };
         let mut saved = self.saved();
         saved.end = Some(end);
-        saved.save(&due, self.tree().pieces(), self.workspace)
+        journal::save(&mut saved, &due, self.tree().pieces(), self.workspace)
     }
 
     /// Gives a slab to the other threads, or works on it here when they have enough to do.
