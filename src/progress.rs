@@ -34,6 +34,12 @@ pub enum StageId {
     Decimate,
     /// The exact count, and where the vertices lie best.
     Finish,
+    /// Edges collapsed, each with what undoes it.
+    Record,
+    /// A recording turned round into a progressive mesh.
+    Encode,
+    /// A progressive mesh read as far as is wanted.
+    Refine,
     /// The result written in the user's format.
     Export,
     /// A synthetic surface made.
@@ -69,6 +75,9 @@ impl StageId {
             Self::Assemble => "assemble",
             Self::Decimate => "decimate",
             Self::Finish => "finish",
+            Self::Record => "record",
+            Self::Encode => "encode",
+            Self::Refine => "refine",
             Self::Export => "export",
             Self::Generate => "generate",
             Self::Info => "info",

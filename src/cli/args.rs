@@ -9,6 +9,7 @@ use super::{
     bound::Keep,
     display::Style,
     document::Document,
+    progressive::Progressive,
     render::{ComparePicture, Render},
     values,
 };
@@ -47,6 +48,8 @@ Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it
 pub(super) enum Command {
     /// Fewer triangles: to a count, a ratio, an error or a cell size
     Simplify(Simplify),
+    /// Any mesh to a progressive one (.pm): coarse at first, refined while it loads
+    Progressive(Progressive),
     /// Indexed mesh to triangle soup (.stl or .soup), triangle order kept
     Soup(Convert),
     /// Any mesh to triangle soup (.stl or .soup) sorted along an axis
@@ -467,7 +470,7 @@ fn input_format(text: &str) -> Result<Format, String> {
 }
 
 fn output_format(text: &str) -> Result<Format, String> {
-    named_format(text, &[Format::Stl, Format::Ply, Format::Obj, Format::Soup])
+    named_format(text, &[Format::Stl, Format::Ply, Format::Obj, Format::Soup, Format::Progressive])
 }
 
 fn named_format(text: &str, formats: &[Format]) -> Result<Format, String> {

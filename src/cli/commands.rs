@@ -107,7 +107,7 @@ pub(super) fn sort(args: &Sort, host: &Host) -> ExitCode {
 }
 
 /// Plans and runs a job; `None` after a dry run.
-fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>> {
+pub(super) fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>> {
     let to_stdout = job.target == Target::Stdout;
     check_report(&args.run, &args.inputs.paths, &args.output.path)?;
     let prepared = pipeline::prepare(job)?;

@@ -129,6 +129,7 @@ pub(super) fn convert(args: &Convert, task: Task, host: &Host) -> Result<Job> {
         threads: threads(&args.run.machine, host),
         temp_dir: temp_dir(&args.run.machine, folder, host),
         target,
+        progressive: None,
         keeping: Some(keeping(args)),
     })
 }

@@ -14,6 +14,7 @@ mod job;
 mod lines;
 mod outcome;
 mod passes;
+mod progressive;
 mod render;
 mod topology;
 mod values;
@@ -34,6 +35,7 @@ pub(crate) fn main() -> ExitCode {
     let host = host::host();
     match &command {
         Command::Simplify(args) => commands::simplify(args, &host),
+        Command::Progressive(args) => progressive::progressive(args, &host),
         Command::Soup(args) => commands::convert(args, meshmill::pipeline::Task::Soup, &host),
         Command::Sort(args) => commands::sort(args, &host),
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),

@@ -16,13 +16,21 @@ pub enum Format {
     Off,
     /// Our own triangle soup, docs/FORMATS.md.
     Soup,
+    /// Our own progressive mesh, docs/FORMATS.md; it has readers and writers of its own.
+    Progressive,
+    /// glTF, binary; write only, of meshes that fit in memory.
+    Glb,
 }
 
 impl Format {
+    /// All of them.
+    pub const ALL: [Self; 7] =
+        [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Soup, Self::Progressive, Self::Glb];
+
     /// Whether files of ours in this format have vertices, and faces that refer to them.
     #[must_use]
     pub fn is_indexed(self) -> bool {
-        matches!(self, Self::Ply | Self::Obj)
+        matches!(self, Self::Ply | Self::Obj | Self::Progressive | Self::Glb)
     }
 
     /// Name in messages and on the command line.
@@ -34,6 +42,8 @@ impl Format {
             Self::Obj => "obj",
             Self::Off => "off",
             Self::Soup => "soup",
+            Self::Progressive => "pm",
+            Self::Glb => "glb",
         }
     }
 
@@ -46,8 +56,6 @@ impl Format {
             path = Path::new(path.file_stem()?);
             extension = path.extension()?.to_ascii_lowercase();
         }
-        [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Soup]
-            .into_iter()
-            .find(|format| extension.to_str() == Some(format.name()))
+        Self::ALL.into_iter().find(|format| extension.to_str() == Some(format.name()))
     }
 }

@@ -16,6 +16,7 @@ mod origin;
 pub mod ply;
 #[cfg(test)]
 mod probe;
+pub mod progressive;
 mod read;
 pub mod soup;
 mod source;

@@ -43,6 +43,9 @@ pub fn open(
         Format::Soup => Box::new(soup::Reader::open(source, &options)?),
         Format::Ply => Box::new(ply::Reader::open(source, &options)?),
         Format::Off => Box::new(off::Reader::open(source, &options)?),
+        Format::Progressive | Format::Glb => {
+            return Err(at_start(Fault::Unsupported("reading this format as a mesh")));
+        }
     };
     check_counts(reader.as_ref())?;
     Ok(reader)
@@ -82,7 +85,9 @@ pub fn create(
         Format::Obj => Box::new(obj::Writer::new(output, options)?),
         Format::Soup => Box::new(soup::Writer::new(output, triangles, None, options)?),
         Format::Ply => Box::new(ply::Writer::new(output, counts.unwrap_or_default(), options)?),
-        Format::Off => return Err(at_start(Fault::Unsupported("writing OFF"))),
+        Format::Off | Format::Progressive | Format::Glb => {
+            return Err(at_start(Fault::Unsupported("writing this format")));
+        }
     })
 }
 
@@ -124,6 +129,8 @@ fn name(format: Format) -> &'static str {
         Format::Obj => "OBJ data",
         Format::Off => "OFF data",
         Format::Soup => "soup data",
+        Format::Progressive => "a progressive mesh",
+        Format::Glb => "glTF data",
     }
 }
 

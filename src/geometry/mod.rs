@@ -11,6 +11,7 @@ mod polygon;
 mod quadric;
 mod sample;
 mod shape;
+mod triangle_tree;
 
 pub use bounds::{Bounds, reach_sq};
 pub use closest_point::distance_sq_to_triangle;
@@ -23,3 +24,4 @@ pub use polygon::triangulate;
 pub use quadric::{Placement, Quadric};
 pub use sample::{Sample, Sampler};
 pub use shape::{has_no_area, is_worse_than};
+pub use triangle_tree::TriangleTree;

@@ -44,19 +44,9 @@ impl<M: Metric> Mesh<M> {
         });
         positions = in_order(&positions, &order);
         colors = in_order(&colors, &order);
-        let mut places = vec![0_u32; order.len()];
-        for (place, vertex) in (0..).zip(order) {
-            places[vertex as usize] = place;
-        }
-        for face in &mut faces {
-            *face = face.map(|v| places[v as usize]);
-        }
-        drop(places);
-        let edge = |[a, b, _]: &[u32; 3]| {
-            let [a, b] = [*a, *b].map(|v| positions[v as usize].as_dvec3());
-            a.distance(b)
-        };
-        let unit = unit_of_lengths(faces.iter().map(edge));
+        put_in_places(&order, &mut faces);
+        drop(order);
+        let unit = unit_of_faces(&positions, &faces);
         let patch = Patch::<M> { positions, colors, faces, unit, ..Patch::default() };
         match carried {
             // Where the boundary is shows only now: no face of any vertex is missing.
@@ -67,6 +57,42 @@ impl<M: Metric> Mesh<M> {
             None => Self::of_original(patch),
         }
     }
+}
+
+impl<M: Memory> Mesh<M> {
+    /// Makes a mesh of vertices as they were scanned, and the faces between them, none of which is
+    /// added or left out.
+    #[must_use]
+    pub fn of_scanned<V: Vertex>(vertices: &[V], mut faces: Vec<[u32; 3]>) -> Self {
+        let positions: Vec<Vec3> =
+            vertices.iter().map(|vertex| Vec3::from_array(vertex.position())).collect();
+        let colors = colors_by_area(vertices, &positions, &faces);
+        let order = along_curve(&positions);
+        let (positions, colors) = (in_order(&positions, &order), in_order(&colors, &order));
+        put_in_places(&order, &mut faces);
+        let unit = unit_of_faces(&positions, &faces);
+        Self::of_original(Patch { positions, colors, faces, unit, ..Patch::default() })
+    }
+}
+
+/// The corners of faces after their vertices were put in this order.
+fn put_in_places(order: &[u32], faces: &mut [[u32; 3]]) {
+    let mut places = vec![0_u32; order.len()];
+    for (place, vertex) in (0..).zip(order) {
+        places[*vertex as usize] = place;
+    }
+    for face in faces {
+        *face = face.map(|v| places[v as usize]);
+    }
+}
+
+/// [`Patch::unit`] by the edges of some faces.
+fn unit_of_faces(positions: &[Vec3], faces: &[[u32; 3]]) -> f32 {
+    let edge = |[a, b, _]: &[u32; 3]| {
+        let [a, b] = [*a, *b].map(|v| positions[v as usize].as_dvec3());
+        a.distance(b)
+    };
+    unit_of_lengths(faces.iter().map(edge))
 }
 
 /// The vertices along a Morton curve through 1024 cells of the box a side, those of one cell in

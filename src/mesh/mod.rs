@@ -18,6 +18,7 @@ mod patch;
 mod patch_words;
 mod place;
 mod position_index;
+pub mod progressive;
 mod quadric;
 mod release;
 mod ring;

@@ -250,7 +250,7 @@ impl Run<'_> {
             split_vertices,
             complex_vertices,
         });
-        self.export_mesh(&outcome.mesh, &survey, &sorted.findings, &mut report)?;
+        self.export_mesh(outcome.mesh, &survey, &sorted.findings, &mut report)?;
         Ok(report)
     }
 

@@ -40,6 +40,9 @@ pub(super) fn fingerprint(job: &Job) -> Result<Fingerprint> {
         }
         Task::Weld => set("command", "weld".to_owned()),
     }
+    if let Some(progressive) = &job.progressive {
+        set("progressive", format!("{progressive:?}"));
+    }
     set("input format", input_format.map_or("recognised", Format::name).to_owned());
     set("on defect", if *on_defect == OnDefect::Fail { "fail" } else { "skip" }.to_owned());
     set("output", name_of(target));

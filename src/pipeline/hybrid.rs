@@ -138,7 +138,7 @@ impl Run<'_> {
             triangles_clustered: outcome.triangles_clustered,
             complex_vertices: outcome.complex_vertices,
         });
-        self.export_mesh(&outcome.mesh, &survey, &findings, &mut report)?;
+        self.export_mesh(outcome.mesh, &survey, &findings, &mut report)?;
         Ok(report)
     }
 }

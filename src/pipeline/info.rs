@@ -155,6 +155,7 @@ pub(super) fn reading(info: Info) -> Job {
         memory_bytes: info.memory_bytes,
         threads: info.threads,
         temp_dir: info.temp_dir,
+        progressive: None,
         keeping: None,
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use super::Keep;
+use super::{Keep, Progressive};
 use crate::{
     formats::{Compression, Format, OnDefect},
     geometry::Placement,
@@ -33,6 +33,9 @@ pub struct Job {
     pub threads: usize,
     /// Folder for the workspace; must exist.
     pub temp_dir: PathBuf,
+    /// The mesh that comes of it is made progressive; `None`: it is written as it is. Goes with a task
+    /// that ends in an indexed mesh.
+    pub progressive: Option<Progressive>,
     /// What it begins with and what it leaves; `None`: with nothing and nothing, even when it fails.
     pub keeping: Option<Keeping>,
 }

@@ -15,6 +15,7 @@ mod job;
 mod machine;
 mod method;
 mod plan;
+mod progressive;
 mod render;
 mod report;
 mod resume;
@@ -36,11 +37,12 @@ pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts,
 pub use job::{End, Goal, Job, Keeping, Method, Selection, Simplify, Sort, Start, Task};
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
+pub use progressive::Progressive;
 pub use render::{Colors, Render, RenderReport, render};
 pub use report::{
     BoundedReport, BoundsReport, ClusterReport, DecimateReport, DefectReport, EstimatedReport,
-    EstimatesReport, HybridReport, InputReport, OutputReport, Report, SortReport, StageReport,
-    StreamReport,
+    EstimatesReport, HybridReport, InputReport, OutputReport, ProgressiveReport, Report,
+    SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
 pub use topology::{TopologyReport, topology};

@@ -4,7 +4,7 @@ use std::{fmt, path::PathBuf};
 
 use super::{
     Choice, Goal, Job, Method, Metric, Selection, Simplify, Task, attempts::Purpose, bounded,
-    decimation, expected, hybrid, method, sort, streaming,
+    decimation, expected, hybrid, method, progressive, sort, streaming,
 };
 use crate::{
     error::{Error, Result},
@@ -146,11 +146,14 @@ impl Job {
 pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
     check_request(job)?;
     let records = inputs.iter().map(|facts| facts.declared.faces).sum();
-    let (job, method) = &method::choose(job, records)?;
     let indexed = |facts: &&InputFacts| facts.declared.indexed;
+    let vertices = inputs.iter().filter(indexed).map(|facts| facts.declared.vertices).sum();
+    let declared = progressive::triangles_declared(records, vertices);
+    let settled = progressive::settled(job.clone(), declared);
+    let (job, method) = &method::choose(&settled, records)?;
     let mut plan = Plan {
         stages: Vec::new(),
-        vertices: inputs.iter().filter(indexed).map(|facts| facts.declared.vertices).sum(),
+        vertices,
         method: method.clone(),
         records,
         memory_bytes: job.memory_bytes + MEMORY_BYTES_CONSTANT,
@@ -194,6 +197,9 @@ pub fn plan(job: &Job, inputs: &[InputFacts]) -> Result<Plan> {
         Task::Sort(how) => sort::plan(job, *how, inputs, sizes, &mut plan),
         Task::Weld => plan_weld(job, &mut plan),
         Task::Soup => {}
+    }
+    if let Some(progressive) = &job.progressive {
+        progressive::plan(job, progressive, sizes, &mut plan)?;
     }
     plan_export(job, &mut plan);
     plan.memory_expected_bytes = expected::memory_bytes(job, &plan, sizes);
@@ -249,6 +255,13 @@ pub(super) fn check_request(job: &Job) -> Result<()> {
     let indexed = job.output_format.is_indexed();
     let refused = match job.task {
         _ if job.output_format == Format::Off => "off can be read but not written".to_owned(),
+        _ if job.progressive.is_some() != (job.output_format == Format::Progressive) => {
+            "pm is what progressive writes, and nothing else does".to_owned()
+        }
+        _ if job.progressive.is_some() && job.compression != Compression::None => {
+            "a progressive mesh is compressed already".to_owned()
+        }
+        _ if job.output_format == Format::Glb => "glb is written by refine only".to_owned(),
         Task::Soup | Task::Sort(_) if indexed => {
             format!("{format} is indexed; a soup is written as stl or soup")
         }

@@ -121,6 +121,7 @@ fn reading(render: &Render) -> Job {
         memory_bytes: render.memory_bytes,
         threads: render.threads,
         temp_dir: render.temp_dir.clone(),
+        progressive: None,
         keeping: None,
     }
 }

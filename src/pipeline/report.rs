@@ -36,6 +36,8 @@ pub struct Report {
     pub hybrid: Option<HybridReport>,
     /// Decimation in a single pass: what it worked with.
     pub stream: Option<StreamReport>,
+    /// A progressive mesh: what it is made of.
+    pub progressive: Option<ProgressiveReport>,
     /// Simplification: how far the result is from the inputs, if that was to be measured and there
     /// is a result.
     pub deviation: Option<CompareReport>,
@@ -207,6 +209,31 @@ pub struct StreamReport {
     pub complex_vertices: u64,
     /// Vertices on a boundary, decimated and written like any other.
     pub boundary_vertices: u64,
+}
+
+/// What a progressive mesh is made of.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ProgressiveReport {
+    /// `quadric` or `volume`.
+    pub metric: &'static str,
+    /// Triangles of the base.
+    pub base_triangles: u64,
+    /// Bytes up to the end of the base.
+    pub base_bytes: u64,
+    /// Batches of splits after it.
+    pub batches: u64,
+    /// Bits of a coordinate.
+    pub bits: u32,
+    /// What positions were rounded to multiples of, model units.
+    pub step: f64,
+    /// Bytes of the file by triangles of the finest mesh.
+    pub bytes_per_triangle: f64,
+    /// Triangles left out because two of their corners were one vertex.
+    pub degenerate: u64,
+    /// Vertices that were added because several sheets of the surface touched in one.
+    pub split_vertices: u64,
+    /// Vertices left alone because their faces are no fan.
+    pub complex_vertices: u64,
 }
 
 /// What a plan told of a job, and what came.

@@ -12,6 +12,7 @@ use super::{
     machine::Machine,
     method,
     plan::{check_request, plan},
+    progressive,
     resume::{Beginning, note_method, note_start, settle},
 };
 use crate::{
@@ -63,6 +64,8 @@ pub fn prepare(job: Job) -> Result<Prepared> {
     }
     let facts: Vec<_> = inputs.iter().map(InputFacts::of).collect();
     let mut plan = plan(&job, &facts)?;
+    let declared = progressive::triangles_declared(plan.records, plan.vertices);
+    let job = progressive::settled(job, declared);
     let held_bytes = beginning.as_ref().map_or(0, Beginning::held_bytes);
     check_disk(&job, &plan, held_bytes)?;
     let input_bytes = facts.iter().map(|facts| facts.size_bytes).sum();
@@ -244,11 +247,15 @@ impl Run<'_> {
     }
 
     fn weld<V: Vertex>(&self, inputs: Vec<OpenInput>) -> Result<Report> {
-        let import::Outcome { source, survey } = self.import::<V>(inputs, Need::Triangles)?;
+        self.weld_imported(self.import::<V>(inputs, Need::Triangles)?)
+    }
+
+    fn weld_imported<V: Vertex>(&self, imported: import::Outcome<V>) -> Result<Report> {
+        let import::Outcome { source, survey } = imported;
         let welded = reindex::reindex(&source, self.workspace, self.monitor)?;
         drop(source);
         let mut report = report_input(&survey, welded.mesh.counts().triangles);
-        self.export_mesh(&welded.mesh, &survey, &welded.findings, &mut report)?;
+        self.export_mesh(welded.mesh, &survey, &welded.findings, &mut report)?;
         Ok(report)
     }
 
@@ -275,6 +282,9 @@ impl Run<'_> {
         let reopen: Vec<Input> = inputs.iter().map(|open| open.input.clone()).collect();
         let outcome = self.import_ordered::<V>(inputs, simplify)?;
         // Where headers do not say how many triangles there are, the method is chosen only now.
+        if progressive::is_small(self.job, Some(outcome.survey.triangles())) {
+            return self.weld_imported(outcome);
+        }
         let (job, choice) = method::choose(self.job, Some(outcome.survey.triangles()))?;
         note_method(&job, self.workspace)?;
         let method_reason = choice.and_then(|choice| choice.reason);
@@ -298,7 +308,7 @@ impl Run<'_> {
         report.stopped_by = Some(if decimated.is_met() { "target" } else { "topology" });
         report.decimate = Some(decimated.report);
         let Decimated { outcome, survey, findings, .. } = decimated;
-        self.export_mesh(&outcome.mesh, &survey, &findings, &mut report)?;
+        self.export_mesh(outcome.mesh, &survey, &findings, &mut report)?;
         Ok(report)
     }
 
@@ -326,19 +336,22 @@ impl Run<'_> {
         });
         report.cluster = Some(clustered.report);
         let Clustered { mesh, survey, findings, .. } = clustered;
-        self.export_mesh(&mesh, &survey, &findings, &mut report)?;
+        self.export_mesh(mesh, &survey, &findings, &mut report)?;
         Ok(report)
     }
 
     pub(super) fn export_mesh<V: Vertex>(
         &self,
-        mesh: &IndexedMesh<V>,
+        mesh: IndexedMesh<V>,
         survey: &Survey,
         findings: &Findings,
         report: &mut Report,
     ) -> Result<()> {
+        if let Some(progressive) = self.job.progressive {
+            return self.export_progressive(mesh, &progressive, (survey.origin, findings), report);
+        }
         let config = self.export_config::<V>(survey.origin);
-        let written = export::export_mesh(mesh, &config, self.workspace, self.monitor)?;
+        let written = export::export_mesh(&mesh, &config, self.workspace, self.monitor)?;
         self.report_output(&written, findings, report);
         Ok(())
     }
@@ -360,7 +373,7 @@ impl Run<'_> {
         findings: &Findings,
         report: &mut Report,
     ) {
-        let indexed = matches!(self.job.output_format, Format::Ply | Format::Obj);
+        let indexed = self.job.output_format.is_indexed();
         report.output = OutputReport {
             triangles: written.counts.triangles,
             vertices: indexed.then_some(written.counts.vertices),

@@ -120,7 +120,7 @@ impl Run<'_> {
             report = prepared.report(&done);
             drop(released);
             let findings = &done.sorted.findings;
-            self.export_mesh(&welded.mesh, &prepared.survey, findings, &mut report)?;
+            self.export_mesh(welded.mesh, &prepared.survey, findings, &mut report)?;
         } else {
             let (done, written) = export::export_triangles(None, &export, workspace, |send| {
                 prepared.run(workspace, monitor, send)

@@ -46,6 +46,22 @@ impl<R: Record> Column<R> {
             Self::File(file) => ColumnScan::File(file.scan()?),
         })
     }
+
+    /// All records; the memory is the caller's to reserve.
+    ///
+    /// # Errors
+    /// As [`RecordFile::scan`].
+    pub fn into_memory(self) -> Result<Vec<R>> {
+        if let Self::Memory(records) = self {
+            return Ok(records);
+        }
+        let mut records = Vec::with_capacity(self.count() as usize);
+        let mut scan = self.scan()?;
+        while let Some(batch) = scan.next_batch()? {
+            records.extend_from_slice(batch);
+        }
+        Ok(records)
+    }
 }
 
 impl<R: Record> ColumnScan<'_, R> {
@@ -67,6 +83,27 @@ pub enum Triangles {
     Memory(Vec<[u32; 3]>),
     /// On disk.
     File(RecordFile<[u64; 3]>),
+}
+
+impl Triangles {
+    /// All of them, as they are in memory: there are fewer than 2³² vertices. The memory is the
+    /// caller's to reserve.
+    ///
+    /// # Errors
+    /// As [`RecordFile::scan`].
+    pub fn into_memory(self) -> Result<Vec<[u32; 3]>> {
+        match self {
+            Self::Memory(faces) => Ok(faces),
+            Self::File(file) => {
+                let mut faces = Vec::with_capacity(file.count() as usize);
+                let mut scan = file.scan()?;
+                while let Some(batch) = scan.next_batch()? {
+                    faces.extend(batch.iter().map(|face| face.map(|v| v as u32)));
+                }
+                Ok(faces)
+            }
+        }
+    }
 }
 
 /// Vertices, and triangles that refer to them; every vertex is referred to.

@@ -5,4 +5,5 @@ pub mod bounded;
 pub mod cluster;
 pub mod decimate;
 pub mod hybrid;
+pub mod progressive;
 pub mod stream;

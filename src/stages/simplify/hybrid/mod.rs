@@ -7,8 +7,8 @@ use crate::{
     error::{Error, Result},
     mesh::{self, Mesh},
     progress::{Monitor, StageId},
-    soup::{Column, IndexedMesh, Triangles, Vertex, VertexQuadric},
-    storage::{Record, Workspace},
+    soup::{Column, IndexedMesh, Vertex, VertexQuadric},
+    storage::Workspace,
 };
 
 /// What decimation after clustering needs to know.
@@ -64,9 +64,9 @@ pub fn decimate<V: Vertex, M: mesh::Metric>(
     // Where only pairs of triangles can go, one more does.
     let meter = monitor.meter(StageId::Finish, Some(surplus + 1));
     let Clustered { mesh: IndexedMesh { vertices, triangles: faces }, quadrics } = clustered;
-    let vertices = into_memory(vertices)?;
-    let quadrics = quadrics.map(into_memory).transpose()?;
-    let mut mesh = Mesh::<M>::of_indexed(vertices, narrow(faces)?, quadrics);
+    let vertices = vertices.into_memory()?;
+    let quadrics = quadrics.map(Column::into_memory).transpose()?;
+    let mut mesh = Mesh::<M>::of_indexed(vertices, faces.into_memory()?, quadrics);
     let complex_vertices = mesh.complex_vertices() as u64;
     monitor.check(StageId::Finish)?;
     let target = usize::try_from(config.triangles_target).unwrap_or(usize::MAX);
@@ -75,32 +75,4 @@ pub fn decimate<V: Vertex, M: mesh::Metric>(
     meter.finish();
     let mesh = mesh.into_patch().into_indexed();
     Ok(Outcome { mesh, triangles_clustered: triangles, complex_vertices })
-}
-
-/// All records of a column.
-fn into_memory<R: Record>(column: Column<R>) -> Result<Vec<R>> {
-    if let Column::Memory(records) = column {
-        return Ok(records);
-    }
-    let mut records = Vec::with_capacity(column.count() as usize);
-    let mut scan = column.scan()?;
-    while let Some(batch) = scan.next_batch()? {
-        records.extend_from_slice(batch);
-    }
-    Ok(records)
-}
-
-/// Faces as they are in memory: so few vertices have narrow indices.
-fn narrow(triangles: Triangles) -> Result<Vec<[u32; 3]>> {
-    match triangles {
-        Triangles::Memory(faces) => Ok(faces),
-        Triangles::File(file) => {
-            let mut faces = Vec::with_capacity(file.count() as usize);
-            let mut scan = file.scan()?;
-            while let Some(batch) = scan.next_batch()? {
-                faces.extend(batch.iter().map(|face| face.map(|v| v as u32)));
-            }
-            Ok(faces)
-        }
-    }
 }
