@@ -15,6 +15,7 @@ mod job;
 mod machine;
 mod method;
 mod plan;
+mod plan_words;
 mod progressive;
 mod render;
 mod report;

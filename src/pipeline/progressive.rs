@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     error::{Error, IoContext as _, Result},
-    formats::{Findings, progressive as format},
+    formats::{Compression, Findings, Format, progressive as format},
     mesh::{self, ByQuadric, ByVolume},
     progress::StageId,
     soup::{ColoredPoint, IndexedMesh, Point, Vertex},
@@ -34,6 +34,21 @@ pub struct Progressive {
 
 /// Bytes of a triangle of the result, about.
 const BYTES_PER_TRIANGLE: u64 = 4;
+
+/// Refuses what is wrong whatever the inputs are.
+pub(super) fn check_request(job: &Job) -> Result<()> {
+    let is_progressive = job.progressive.is_some();
+    let text = if is_progressive != (job.output_format == Format::Progressive) {
+        "pm is what progressive writes, and nothing else does"
+    } else if is_progressive && job.compression != Compression::None {
+        "a progressive mesh is compressed already"
+    } else if job.output_format == Format::Glb {
+        "glb is written by refine only"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Request(text.to_owned()))
+}
 
 /// The job as it is done: so few triangles need no decimation.
 pub(super) fn settled(job: Job, triangles: Option<u64>) -> Job {
@@ -61,14 +76,10 @@ fn memory_bytes<V: Vertex>(metric: Metric, triangles: u64) -> u64 {
     }
 }
 
-/// Adds what comes after the last triangle has gone to a plan.
-pub(super) fn plan(
-    job: &Job,
-    progressive: &Progressive,
-    sizes: Sizes,
-    plan: &mut Plan,
-) -> Result<()> {
-    let Progressive { triangles_max, metric, bits, base_triangles } = *progressive;
+/// Adds what a progressive mesh takes, where that is wanted, to a plan; refuses what cannot fit.
+pub(super) fn plan(job: &Job, sizes: Sizes, plan: &mut Plan) -> Result<()> {
+    let Some(progressive) = job.progressive else { return Ok(()) };
+    let Progressive { triangles_max, metric, bits, base_triangles } = progressive;
     let what = format!("collapse edges by {} to {base_triangles} triangles", metric.name());
     plan.stage(StageId::Record, what);
     plan.stage(StageId::Encode, format!("turn the collapses round, {bits} bits a coordinate"));
