@@ -10,6 +10,7 @@ use super::{
     display::Style,
     document::Document,
     progressive::Progressive,
+    refine::Refine,
     render::{ComparePicture, Render},
     values,
 };
@@ -32,6 +33,8 @@ Examples:
   meshmill simplify scan.ply -o close.ply --max-error 0.05%
   meshmill generate gyroid --triangles 1G -o - --output-format soup |
     meshmill simplify - --input-format soup --assume-sorted z --ratio 1% -o small.stl
+  meshmill progressive scan.ply -o scan.pm
+  meshmill refine scan.pm -o scan.glb -t 100k
   meshmill soup scan.ply -o scan.stl
   meshmill sort scan.stl -o sorted.soup --memory 4GiB
   meshmill weld scan.stl -o scan.ply
@@ -50,6 +53,8 @@ pub(super) enum Command {
     Simplify(Simplify),
     /// Any mesh to a progressive one (.pm): coarse at first, refined while it loads
     Progressive(Progressive),
+    /// A progressive mesh (.pm), whole or cut, to a mesh of any count or error
+    Refine(Refine),
     /// Indexed mesh to triangle soup (.stl or .soup), triangle order kept
     Soup(Convert),
     /// Any mesh to triangle soup (.stl or .soup) sorted along an axis
@@ -470,7 +475,10 @@ fn input_format(text: &str) -> Result<Format, String> {
 }
 
 fn output_format(text: &str) -> Result<Format, String> {
-    named_format(text, &[Format::Stl, Format::Ply, Format::Obj, Format::Soup, Format::Progressive])
+    named_format(
+        text,
+        &[Format::Stl, Format::Ply, Format::Obj, Format::Soup, Format::Progressive, Format::Glb],
+    )
 }
 
 fn named_format(text: &str, formats: &[Format]) -> Result<Format, String> {

@@ -134,7 +134,7 @@ pub(super) fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Opt
 }
 
 /// Adds to a report what the process knows of itself, and writes it where that is wanted.
-fn complete_report(
+pub(super) fn complete_report(
     report: &mut Report,
     plan: Option<&Plan>,
     run: &Run,
@@ -201,7 +201,7 @@ pub(super) fn print(text: &str) -> Result<()> {
 }
 
 /// Refuses a report that would replace an input or the output, or that cannot be written.
-fn check_report(run: &Run, inputs: &[PathBuf], output: &Path) -> Result<()> {
+pub(super) fn check_report(run: &Run, inputs: &[PathBuf], output: &Path) -> Result<()> {
     let Some(report) = &run.report else { return Ok(()) };
     let is_report =
         |path: &Path| path == report || place(path).is_some_and(|at| place(report) == Some(at));

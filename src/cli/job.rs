@@ -202,7 +202,7 @@ pub(super) fn input_paths(args: &Inputs) -> Vec<InputPath> {
     args.paths.iter().map(|path| input_path(path)).collect()
 }
 
-fn input_path(path: &Path) -> InputPath {
+pub(super) fn input_path(path: &Path) -> InputPath {
     if path == Path::new("-") { InputPath::Stdin } else { InputPath::File(path.to_owned()) }
 }
 

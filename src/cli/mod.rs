@@ -15,6 +15,7 @@ mod lines;
 mod outcome;
 mod passes;
 mod progressive;
+mod refine;
 mod render;
 mod topology;
 mod values;
@@ -36,6 +37,7 @@ pub(crate) fn main() -> ExitCode {
     match &command {
         Command::Simplify(args) => commands::simplify(args, &host),
         Command::Progressive(args) => progressive::progressive(args, &host),
+        Command::Refine(args) => refine::refine(args, &host),
         Command::Soup(args) => commands::convert(args, meshmill::pipeline::Task::Soup, &host),
         Command::Sort(args) => commands::sort(args, &host),
         Command::Weld(args) => commands::convert(args, meshmill::pipeline::Task::Weld, &host),

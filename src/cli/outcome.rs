@@ -95,6 +95,12 @@ fn hint(error: &Error) -> Option<&'static str> {
         Error::Resource { what, .. } if what.contains("picture") => {
             "allow more --memory, or ask for a smaller --size or fewer --samples"
         }
+        Error::Resource { what, .. } if what.contains("progressive mesh") => {
+            "allow more --memory, or fewer --triangles"
+        }
+        Error::Resource { what, .. } if what.contains("refined mesh") => {
+            "allow more --memory, or ask for fewer triangles"
+        }
         Error::Resource { what, .. } if what.contains("window") => "allow more --memory",
         Error::NotSorted { .. } => {
             "allow more --memory, so that more can wait, or sort it: meshmill sort --axis"

@@ -9,6 +9,7 @@ mod detect;
 mod fault;
 mod findings;
 mod format;
+pub mod glb;
 pub mod obj;
 pub mod off;
 mod open;

@@ -4,7 +4,7 @@ use std::io::{self, BufRead, Read as _, Write};
 
 use super::{
     Compression, Counts, Format, FormatError, MeshReader, MeshWriter, ReadOptions, Source,
-    WriteOptions, compression, detect, fault::Result, obj, off, ply, soup, stl,
+    WriteOptions, compression, detect, fault::Result, glb, obj, off, ply, soup, stl,
     text::skip_byte_order_mark,
 };
 use crate::error::{Fault, Position};
@@ -85,7 +85,8 @@ pub fn create(
         Format::Obj => Box::new(obj::Writer::new(output, options)?),
         Format::Soup => Box::new(soup::Writer::new(output, triangles, None, options)?),
         Format::Ply => Box::new(ply::Writer::new(output, counts.unwrap_or_default(), options)?),
-        Format::Off | Format::Progressive | Format::Glb => {
+        Format::Glb => Box::new(glb::Writer::new(output, counts.unwrap_or_default(), options)?),
+        Format::Off | Format::Progressive => {
             return Err(at_start(Fault::Unsupported("writing this format")));
         }
     })

@@ -17,6 +17,7 @@ mod method;
 mod plan;
 mod plan_words;
 mod progressive;
+mod refine;
 mod render;
 mod report;
 mod resume;
@@ -39,11 +40,12 @@ pub use job::{End, Goal, Job, Keeping, Method, Selection, Simplify, Sort, Start,
 pub use method::Choice;
 pub use plan::{InputFacts, Plan, PlannedStage, plan};
 pub use progressive::Progressive;
+pub use refine::{Detail as RefineDetail, Refine, refine};
 pub use render::{Colors, Render, RenderReport, render};
 pub use report::{
     BoundedReport, BoundsReport, ClusterReport, DecimateReport, DefectReport, EstimatedReport,
-    EstimatesReport, HybridReport, InputReport, OutputReport, ProgressiveReport, Report,
-    SortReport, StageReport, StreamReport,
+    EstimatesReport, HybridReport, InputReport, OutputReport, ProgressiveReport, RefineReport,
+    Report, SortReport, StageReport, StreamReport,
 };
 pub use run::{Prepared, prepare};
 pub use topology::{TopologyReport, topology};

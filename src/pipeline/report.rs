@@ -38,6 +38,8 @@ pub struct Report {
     pub stream: Option<StreamReport>,
     /// A progressive mesh: what it is made of.
     pub progressive: Option<ProgressiveReport>,
+    /// A progressive mesh refined: how far.
+    pub refine: Option<RefineReport>,
     /// Simplification: how far the result is from the inputs, if that was to be measured and there
     /// is a result.
     pub deviation: Option<CompareReport>,
@@ -234,6 +236,24 @@ pub struct ProgressiveReport {
     pub split_vertices: u64,
     /// Vertices left alone because their faces are no fan.
     pub complex_vertices: u64,
+}
+
+/// How far a progressive mesh was refined.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RefineReport {
+    /// Batches of the whole file.
+    pub batches: u64,
+    /// Batches that were used, the last one perhaps in part.
+    pub batches_used: u64,
+    /// The file ends before what was wanted.
+    pub is_cut: bool,
+    /// How far the finest mesh is from the result, as the file states it: root mean square, model
+    /// units.
+    pub rms_at_most: f64,
+    /// The same, the largest distance that was seen.
+    pub max_at_most: f64,
+    /// What positions are multiples of, model units.
+    pub step: f64,
 }
 
 /// What a plan told of a job, and what came.

@@ -4,4 +4,5 @@ pub mod dereference;
 pub mod export;
 pub mod import;
 pub mod presort;
+pub mod refine;
 pub mod reindex;
