@@ -8,7 +8,7 @@ usage() {
 usage: scripts/fuzz.sh [SECONDS] [TARGET...]
 
   SECONDS  how long each target runs (default 10; 0: only build)
-  TARGET   stl, ply, obj, off, soup, manifest, any (default: all)
+  TARGET   stl, ply, obj, off, soup, progressive, manifest, any (default: all)
 
 Needs a nightly toolchain and cargo-fuzz (cargo install cargo-fuzz --locked); says so and does
 nothing where one is missing, or fails there when FUZZ_REQUIRED is set. Seeds are the files of
@@ -40,7 +40,7 @@ if ! [[ $seconds =~ ^[0-9]+$ ]]; then
 fi
 [ $# -eq 0 ] || shift
 targets=("$@")
-[ $# -gt 0 ] || targets=(stl ply obj off soup manifest any)
+[ $# -gt 0 ] || targets=(stl ply obj off soup progressive manifest any)
 
 if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
     echo "fuzz: skipped: no nightly toolchain or no cargo-fuzz (cargo install cargo-fuzz --locked)" >&2
@@ -54,6 +54,10 @@ seed() {
     if [ "$target" = manifest ]; then
         # What a sort notes, without the line before it.
         printf '%s' '{"job":{"command":"sort","a.stl: size":"84"},"steps":{"sorted":{"figures":{"held":7,"way":{"ToBuckets":{"bounds":["ff"]}}},"files":[{"name":"00001-bucket","count":7,"record_bytes":40,"checksum":1,"finished":false}]}}}' >"$corpus/sorted"
+        return 0
+    fi
+    if [ "$target" = progressive ]; then
+        cp testdata/progressive/*.pm "$corpus"
         return 0
     fi
     [ -n "${MESHMILL_SHARED:-}" ] || return 0

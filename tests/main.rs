@@ -33,6 +33,8 @@ mod oracles;
 #[cfg(test)]
 mod prefixes;
 #[cfg(test)]
+mod progressive;
+#[cfg(test)]
 mod render;
 #[cfg(test)]
 mod resume;

@@ -7,6 +7,7 @@
 //! their own; vertices that must stay draw the others to where they are.
 
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::{
     Mesh, Patch, State,
@@ -77,6 +78,22 @@ impl Metric for ByVolume {
             if sums.is_stale() {
                 *sums = fan_sums(spots, wing.next, rings.of(wing.next), *unit, |_, _| {});
             }
+        }
+    }
+
+    fn prepare_all(mesh: &mut Mesh<Self>, vertices: &[u32]) {
+        let Mesh { spots, rings, held, unit, .. } = mesh;
+        let stale = |vertex: &u32| {
+            let others = rings.of(*vertex).iter().map(|wing| wing.next);
+            others.filter(|other| held[*other as usize].is_stale())
+        };
+        let mut around: Vec<u32> = vertices.par_iter().flat_map_iter(stale).collect();
+        around.par_sort_unstable();
+        around.dedup();
+        let sums = |vertex: &u32| fan_sums(spots, *vertex, rings.of(*vertex), *unit, |_, _| {});
+        let sums: Vec<Sums> = around.par_iter().map(sums).collect();
+        for (vertex, sums) in around.into_iter().zip(sums) {
+            held[vertex as usize] = sums;
         }
     }
 

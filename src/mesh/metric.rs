@@ -25,7 +25,7 @@ pub trait Memory: Sized + Send + Sync + 'static {
     /// What a vertex carries from one mesh to the next; made of numbers of four bytes.
     type Carried: Copy + Default + Send + FromBytes + IntoBytes + Immutable;
     /// What a vertex holds while its mesh is decimated.
-    type Held: Copy + Default + Send;
+    type Held: Copy + Default + Send + Sync;
 
     /// Whether kept vertices move, so that the faces around them must be looked at, too.
     const MOVES_KEPT: bool;
@@ -61,6 +61,13 @@ pub trait Metric: Memory {
     fn pass_on(quadric: &VertexQuadric) -> Self::Carried;
     /// Computes what [`Self::cheapest`] of a vertex will look at.
     fn prepare(mesh: &mut Mesh<Self>, vertex: u32);
+    /// Computes what [`Self::cheapest`] of many vertices will look at; on all threads, where it is
+    /// worth it.
+    fn prepare_all(mesh: &mut Mesh<Self>, vertices: &[u32]) {
+        for vertex in vertices {
+            Self::prepare(mesh, *vertex);
+        }
+    }
     /// The cheapest collapse that removes `vertex`, legal or not, except into some neighbours.
     fn cheapest(mesh: &Mesh<Self>, vertex: u32, ring: &[Wing], except: &[u32])
     -> Option<Candidate>;

@@ -1,4 +1,5 @@
-//! Meshes in core, made to be decimated: no files, no threads, and progress only of what takes long.
+//! Meshes in core, made to be decimated: no files, progress only of what takes long, and threads only
+//! in `progressive`, which has all of one mesh to look at.
 //!
 //! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
 //! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.

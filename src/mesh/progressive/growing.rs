@@ -92,10 +92,10 @@ impl Growing {
         &self.colors
     }
 
-    /// Asserts that the half-edges are those of `fresh`; closed fans may begin anywhere.
-    #[cfg(test)]
-    pub(super) fn assert_as(&self, fresh: &HalfEdges) {
-        self.half_edges.assert_as(fresh);
+    /// How the faces meet.
+    #[must_use]
+    pub fn half_edges(&self) -> &HalfEdges {
+        &self.half_edges
     }
 
     /// The kind of split, its first face and how many it takes, so that a new vertex lies between

@@ -172,15 +172,13 @@ impl HalfEdges {
         Ok(())
     }
 
-    /// Asserts that these are the half-edges of `fresh`; closed fans may begin anywhere.
-    #[cfg(test)]
-    pub(super) fn assert_as(&self, fresh: &Self) {
-        assert_eq!((&self.origins, &self.twins), (&fresh.origins, &fresh.twins));
-        for (vertex, (own, fresh)) in self.first.iter().zip(&fresh.first).enumerate() {
-            let is_open = |h: &u32| *h != NONE && self.twins[*h as usize] == NONE;
-            assert_eq!(*own == NONE, *fresh == NONE, "{vertex}");
-            assert!(own == fresh || !(is_open(own) || is_open(fresh)), "{vertex}: {own} {fresh}");
-        }
+    /// Whether these are the half-edges of the same faces; closed fans may begin anywhere.
+    #[must_use]
+    pub fn is_as(&self, other: &Self) -> bool {
+        let is_open = |h: u32| h == NONE || self.twins[h as usize] == NONE;
+        let mut fans = self.first.iter().zip(&other.first);
+        (&self.origins, &self.twins) == (&other.origins, &other.twins)
+            && fans.all(|(own, other)| own == other || !(is_open(*own) || is_open(*other)))
     }
 
     /// Adds a face and returns its half-edges.

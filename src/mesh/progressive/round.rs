@@ -1,6 +1,7 @@
 //! One round of a recording: the cheapest collapses that leave each other alone.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::{
     FAN_FACES_MAX, Recording,
@@ -21,6 +22,12 @@ const SHARE: f64 = 0.09;
 /// A round that does less than this share of its candidates is followed by one with twice as many.
 const FEW: usize = 8;
 
+/// Vertices whose costs are computed together, on all threads: what that takes meanwhile is bounded.
+const TOGETHER: usize = 1 << 17;
+
+/// Times the cheapest are chosen: costs that are computed anew make others the cheapest.
+const LOOKS: usize = 3;
+
 /// Collapses tried at a vertex before it is left until its ring changes.
 const TRIES_MAX: usize = 3;
 
@@ -29,6 +36,9 @@ pub(super) struct Round<M: Metric> {
     pub(super) mesh: Mesh<M>,
     /// Vertices that are left, and may have to be looked at.
     left: Vec<u32>,
+    /// By vertex, the cost that was computed last, perhaps before its surroundings changed;
+    /// [`UNKNOWN`] before any was.
+    last: Vec<f32>,
     /// By vertex, the last round in which it was near a removed one: neither removed nor kept in it
     /// any more.
     near_removed: Vec<u32>,
@@ -39,6 +49,8 @@ pub(super) struct Round<M: Metric> {
     /// The largest coordinate.
     largest: f32,
     order: Vec<(u32, u32)>,
+    /// Vertices whose costs are computed.
+    stale: Vec<u32>,
     ring: Vec<Wing>,
 }
 
@@ -47,12 +59,14 @@ impl<M: Metric> Round<M> {
         let vertices = mesh.spots.len();
         Self {
             left: (0..vertices as u32).collect(),
+            last: vec![UNKNOWN; vertices],
             near_removed: vec![0; vertices],
             near_kept: vec![0; vertices],
             number: 0,
             share: SHARE,
             largest: ((1_u32 << bits) - 1) as f32,
             order: Vec::new(),
+            stale: Vec::new(),
             ring: Vec::new(),
             mesh,
         }
@@ -61,8 +75,7 @@ impl<M: Metric> Round<M> {
     /// Does a round, but does not go below `faces`; returns whether there will be another.
     pub(super) fn run(&mut self, faces: usize, recording: &mut Recording) -> bool {
         self.number += 1;
-        self.rank_candidates(faces);
-        if self.order.is_empty() {
+        if !self.rank_candidates(faces) {
             return false;
         }
         let candidates = std::mem::take(&mut self.order);
@@ -92,24 +105,47 @@ impl<M: Metric> Round<M> {
     }
 
     /// Lists the cheapest vertices behind the bits of their costs, in the order of the costs.
-    fn rank_candidates(&mut self, faces: usize) {
-        let Self { mesh, left, order, .. } = self;
+    ///
+    /// What has changed since its cost was computed has mostly become dearer: it is looked at again
+    /// once the old cost is among the cheapest. Returns whether there is any left.
+    fn rank_candidates(&mut self, faces: usize) -> bool {
+        let Self { mesh, left, last, order, stale, .. } = self;
         order.clear();
+        stale.clear();
         left.retain(|vertex| mesh.is_removable(*vertex));
         for &vertex in &*left {
-            let cost = mesh.known_cost(vertex);
-            if cost.is_finite() {
-                order.push((cost.to_bits(), vertex));
+            let (cost, last) = (mesh.costs[vertex as usize], &mut last[vertex as usize]);
+            if cost != UNKNOWN {
+                *last = cost;
+            } else if *last == UNKNOWN || !last.is_finite() {
+                stale.push(vertex);
             }
         }
+        look_again(mesh, stale, last);
+        let ranked = left.iter().map(|vertex| (last[*vertex as usize], *vertex));
+        let finite = ranked.filter(|(cost, _)| cost.is_finite());
+        order.extend(finite.map(|(cost, vertex)| (cost.to_bits(), vertex)));
         // Near the end a round would take too much, and not the cheapest.
         let surplus = mesh.faces_left - faces;
         let wanted = ((order.len() as f64 * self.share) as usize).min(surplus).max(1);
-        if wanted < order.len() {
-            order.select_nth_unstable(wanted);
-            order.truncate(wanted);
+        for _ in 0..LOOKS {
+            if wanted < order.len() {
+                order.select_nth_unstable(wanted);
+            }
+            stale.clear();
+            let chosen = order.iter().take(wanted).map(|(_, vertex)| *vertex);
+            stale.extend(chosen.filter(|vertex| mesh.costs[*vertex as usize] == UNKNOWN));
+            stale.sort_unstable();
+            look_again(mesh, stale, last);
+            for (bits, vertex) in order.iter_mut().take(wanted) {
+                *bits = last[*vertex as usize].to_bits();
+            }
         }
+        let is_any = !order.is_empty();
+        order.truncate(wanted);
+        order.retain(|(bits, _)| f32::from_bits(*bits).is_finite());
         order.sort_unstable();
+        is_any
     }
 
     /// The cheapest collapse of a vertex that is legal and can be recorded, if it costs less than
@@ -179,6 +215,22 @@ impl<M: Metric> Round<M> {
         );
         if let Some((before, gone)) = colors {
             recording.colors.push([before, color(&self.mesh, kept), gone]);
+        }
+    }
+}
+
+/// Computes the costs of some vertices.
+fn look_again<M: Metric>(mesh: &mut Mesh<M>, vertices: &[u32], last: &mut [f32]) {
+    for vertices in vertices.chunks(TOGETHER) {
+        M::prepare_all(mesh, vertices);
+        let cost = |vertex: &u32| {
+            let best = M::cheapest(mesh, *vertex, mesh.rings.of(*vertex), &[]);
+            best.map_or(f32::INFINITY, |best| best.cost)
+        };
+        let costs: Vec<f32> = vertices.par_iter().with_min_len(1 << 9).map(cost).collect();
+        for (vertex, cost) in vertices.iter().zip(costs) {
+            mesh.costs[*vertex as usize] = cost;
+            last[*vertex as usize] = cost;
         }
     }
 }

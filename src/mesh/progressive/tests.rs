@@ -119,7 +119,7 @@ fn turned<M: Metric>(surface: &Surface, faces: usize) -> Turned {
 /// What is kept is what the faces alone would tell.
 fn assert_consistent(mesh: &Growing) {
     let fresh = HalfEdges::of_faces(mesh.positions().len(), mesh.faces());
-    mesh.assert_as(&fresh);
+    assert!(mesh.half_edges().is_as(&fresh));
 }
 
 /// Vertices less edges plus faces.

@@ -67,15 +67,6 @@ pub fn refine(
     let in_file = |error: FormatError| error.in_file(path.as_path());
     let mut reader = Reader::open(input).map_err(in_file)?;
     let header = reader.header().clone();
-    let mut room = Reservation::default();
-    let mut grow = |faces: u64| -> Result<()> {
-        let needed_bytes = faces * FACE_BYTES;
-        let available_bytes = budget.available_bytes();
-        let more = budget.reserve(needed_bytes);
-        let refused = || Error::Resource { what: REFINED, needed_bytes, available_bytes };
-        room.absorb(more.ok_or_else(refused)?);
-        Ok(())
-    };
     let detail = match detail {
         Detail::Ratio(ratio) => {
             Detail::Triangles((f64::from(header.faces) * ratio).round().max(1.0) as u64)
@@ -91,7 +82,7 @@ pub fn refine(
         Detail::Length(_) | Detail::Share(_) => header.base_faces.into(),
         _ => faces_wanted.max(header.base_faces.into()),
     };
-    grow(faces_known)?;
+    let mut room = reserve(budget, faces_known)?;
     let meter = monitor.meter(StageId::Refine, Some(faces_wanted.max(header.base_faces.into())));
     let base = reader.read_base().map_err(in_file)?;
     let mut mesh = Growing::of_base(&base, &header);
@@ -101,7 +92,7 @@ pub fn refine(
     while (mesh.faces().len() as u64) < faces_wanted && f64::from(deviation.max) > enough {
         let Some(batch) = reader.next_batch().map_err(in_file)? else { break };
         if matches!(detail, Detail::Length(_) | Detail::Share(_)) {
-            grow(batch.faces.into())?;
+            room.absorb(reserve(budget, batch.faces.into())?);
         }
         let left = faces_wanted - mesh.faces().len() as u64;
         let is_whole = left >= u64::from(batch.faces);
@@ -109,9 +100,9 @@ pub fn refine(
         let before = mesh.faces().len();
         for (index, split) in batch.splits.iter().enumerate() {
             if is_whole || used[index] {
-                let place = || Position::byte(batch.at).in_record(index as u64);
+                let at = Position::byte(batch.at).in_record(index as u64);
                 let done = mesh.split(split);
-                done.map_err(|fault| in_file(FormatError::input(place(), fault)))?;
+                done.map_err(|fault| in_file(FormatError::input(at, fault)))?;
             }
         }
         meter.add((mesh.faces().len() - before) as u64)?;
@@ -126,7 +117,6 @@ pub fn refine(
         reader.next_batch().map_err(in_file)?;
     }
     meter.finish();
-    let is_cut = reader.is_cut();
     let triangles = mesh.faces().len() as u64;
     let is_met = match detail {
         Detail::All | Detail::Ratio(_) => triangles == u64::from(header.faces),
@@ -134,7 +124,15 @@ pub fn refine(
         Detail::Triangles(count) => triangles == count || triangles + 1 == count,
         Detail::Length(_) | Detail::Share(_) => f64::from(deviation.max) <= enough,
     };
+    let is_cut = reader.is_cut();
     Ok(Outcome { mesh, header, batches, is_cut, is_met, deviation, _room: room })
+}
+
+/// Takes the memory of so many faces.
+fn reserve(budget: &Budget, faces: u64) -> Result<Reservation> {
+    let (needed_bytes, available_bytes) = (faces * FACE_BYTES, budget.available_bytes());
+    let refused = Error::Resource { what: REFINED, needed_bytes, available_bytes };
+    budget.reserve(needed_bytes).ok_or(refused)
 }
 
 /// The largest distance that is near enough; below 0 where only the count decides.

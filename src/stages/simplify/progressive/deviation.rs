@@ -12,9 +12,9 @@ use crate::{
 };
 
 /// Points by area, for the root mean square. Chosen by hand: it is right to about a per cent.
-const POINTS: usize = 20_000;
+const POINTS: usize = 12_000;
 /// Vertices besides, for the maximum.
-const VERTICES: usize = 10_000;
+const VERTICES: usize = 6_000;
 /// Meshes are measured when they have this share of the faces more than the last one: each halving
 /// of the faces, from this share of the finest on.
 const LAST_SHARE: f64 = 0.7;
