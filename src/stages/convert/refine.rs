@@ -167,12 +167,17 @@ fn spread(splits: &[Split], faces: u64) -> Vec<bool> {
         is_taken
     };
     let mut used: Vec<bool> = splits.iter().map(take).collect();
-    // At most one is missing, where the last ones add two.
-    let mut left = splits.iter().zip(&mut used);
-    if taken < faces
-        && let Some((_, used)) = left.find(|(split, used)| !**used && split.kind.faces() == 1)
-    {
-        *used = true;
+    if taken < faces {
+        // One is missing: a split of one face more, or one of two instead of one of one.
+        let place = |faces: u32, is_used: bool| {
+            let mut all = splits.iter().zip(&used);
+            all.position(|(split, used)| split.kind.faces() == faces && *used == is_used)
+        };
+        match (place(1, false), place(1, true), place(2, false)) {
+            (Some(one), ..) => used[one] = true,
+            (None, Some(one), Some(two)) => (used[one], used[two]) = (false, true),
+            _ => {}
+        }
     }
     used
 }
