@@ -1,7 +1,5 @@
 // The bytes of a progressive mesh (docs/FORMATS.md) as they arrive: read in order, checked, and
 // unpacked into columns of numbers. Knows no meshes.
-//
-// The worker is made of the text of these functions: they may name each other and nothing else.
 
 /** The most bytes that the payload of a block may be unpacked to. */
 export const RAW_BYTES_MAX = 2 ** 26;
@@ -46,7 +44,7 @@ export class ByteReader {
   }
 }
 
-export function join(parts, length) {
+function join(parts, length) {
   if (parts.length === 1) return parts[0];
   const whole = new Uint8Array(length);
   let offset = 0;

@@ -21,14 +21,14 @@ export class Camera {
       y: [1, 0, 0, 0, 1, 0, 0, 0, 1],
       z: [1, 0, 0, 0, 0, 1, 0, -1, 0],
     }[up] ?? this.home;
-    this.home = multiply(about(0, 0.22), multiply(about(1, -0.42), front));
+    this.home = multiply(about(0, 0.14), multiply(about(1, -0.35), front));
     this.reset();
     this.now = { ...this.goal };
   }
 
   reset() {
     /** Distance in radii of the model; the shift in radii, in the plane of the screen. */
-    this.goal = { turn: this.home, distance: 1.12 / Math.sin(FIELD / 2), x: 0, y: 0 };
+    this.goal = { turn: this.home, distance: 0.86 / Math.sin(FIELD / 2), x: 0, y: 0 };
   }
 
   /** Turns by angles about the upright and the level axis of the screen, and about the view. */
@@ -100,6 +100,8 @@ export class Camera {
     toClip[0] = focal / aspect;
     toClip[5] = focal;
     toClip[10] = (near + far) / (near - far);
+    // The bar at the foot is not to hide anything.
+    toClip[9] = -0.06;
     toClip[11] = -1;
     toClip[14] = (2 * near * far) / (near - far);
     return { toView, toClip };

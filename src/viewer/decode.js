@@ -1,13 +1,11 @@
 // A progressive mesh (docs/FORMATS.md) from its bytes, block by block as they arrive. Everything
 // that is handed out has been checked; whatever was handed out before a fault is a valid mesh.
-//
-// The worker is made of the text of these functions: they may name each other and nothing else.
 
 import { ByteReader, Columns, crc32, Fault, inflate, RAW_BYTES_MAX, unzigzag } from './bytes.js';
 import { grown, HalfEdges } from './half_edges.js';
 
 /** The most splits that one batch may hold. */
-export const BATCH_SPLITS_MAX = 65536;
+const BATCH_SPLITS_MAX = 65536;
 
 /**
  * Decodes an async iterable of chunks (`Uint8Array`): yields the header, the base and each batch,
@@ -46,7 +44,7 @@ export async function* decode(chunks, facesMax = Infinity) {
   yield { kind: 'end', isWhole: true };
 }
 
-export async function checkEnd(bytes, header, mesh) {
+async function checkEnd(bytes, header, mesh) {
   const { offset } = bytes;
   if (mesh.vertices !== header.vertices || mesh.faces !== header.faces || offset !== header.length) {
     throw new Fault(`byte ${offset}: the header announces another mesh than there is`);
@@ -54,7 +52,7 @@ export async function checkEnd(bytes, header, mesh) {
   if (!(await bytes.isAtEnd())) throw new Fault(`byte ${offset}: bytes follow the last batch`);
 }
 
-export function readHeader(bytes) {
+function readHeader(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const u32 = (offset) => view.getUint32(offset, true);
   const f64 = (offset) => view.getFloat64(offset, true);
@@ -92,7 +90,7 @@ export function readHeader(bytes) {
 }
 
 /** The head of a block that may take `room` bytes. */
-export function readHead(bytes, before, room) {
+function readHead(bytes, before, room) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const u32 = (offset) => view.getUint32(offset, true);
   if (crc32(bytes.subarray(0, 28)) !== u32(28)) throw new Fault('the checksum of a block is wrong');
@@ -114,7 +112,7 @@ export function readHead(bytes, before, room) {
   return head;
 }
 
-export function decodeBase(columns, head, header) {
+function decodeBase(columns, head, header) {
   const { baseVertices: vertices, baseFaces: faces, channels } = header;
   if (head.splits !== vertices || head.faces !== faces) {
     throw new Fault('the base is not what the header announces');
@@ -145,7 +143,7 @@ export function decodeBase(columns, head, header) {
  * corners begin, the faces it adds; the new place and colour of the parent, and those of the new
  * vertex. `corners` are those of the new faces as each split makes them.
  */
-export function decodeBatch(columns, head, header, state) {
+function decodeBatch(columns, head, header, state) {
   const { splits } = head;
   const { mesh, places, colors } = state;
   if (splits < 1 || splits > BATCH_SPLITS_MAX) throw new Fault(`${splits} splits are no batch`);
@@ -172,12 +170,12 @@ export function decodeBatch(columns, head, header, state) {
 }
 
 /** Where a new vertex is expected: as far from the parent's old place as the parent has gone. */
-export function guess(before, after) {
+function guess(before, after) {
   return 2 * before - after;
 }
 
 /** What every vertex has: `width` values, `stride` apart, modulo 2^bits. */
-export class Attribute {
+class Attribute {
   constructor(width, stride, bits) {
     Object.assign(this, { width, stride, bits, mask: 2 ** bits - 1 });
     this.values = stride === 4 ? new Uint8Array(0) : new Int32Array(0);
@@ -229,7 +227,7 @@ export class Attribute {
   }
 }
 
-export function connectSplits(mesh, parents, codes, begins, head) {
+function connectSplits(mesh, parents, codes, begins, head) {
   const splits = parents.length;
   const starts = new Uint32Array(splits + 1);
   const faces = new Uint8Array(splits);

@@ -17,7 +17,7 @@ void main() {
 
 // A key light at the upper left, a fill on the right, light from the sky and from the ground, all
 // fixed to the screen, so that turning the model is what shows its shape. Both sides are lit; the
-// inner one is a little darker and warmer.
+// inner one is a little darker and warmer, but not at the outline, where single pixels show it.
 const FRAGMENT = `#version 300 es
 precision highp float;
 uniform int mode;
@@ -27,20 +27,21 @@ out vec4 color;
 const vec3 KEY = vec3(-0.44, 0.62, 0.65), FILL = vec3(0.80, 0.10, 0.59);
 void main() {
   if (mode == 2) { color = vec4(line.rgb * line.a, line.a); return; }
-  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
-  if (mode == 0 && dot(direction, direction) > 0.0) {
-    n = normalize(gl_FrontFacing ? direction : -direction);
-  }
   vec3 eye = normalize(-place);
-  float key = max(0.0, (dot(n, KEY) + 0.2) / 1.2);
+  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+  if (mode == 0 && dot(direction, direction) > 0.0) n = normalize(direction);
+  bool isBack = !gl_FrontFacing && abs(dot(n, eye)) > 0.3;
+  if (isBack && mode == 0) n = -n;
+  float key = max(0.0, (dot(n, KEY) + 0.15) / 1.15);
   float fill = max(0.0, dot(n, FILL));
-  vec3 around = mix(vec3(0.17, 0.155, 0.145), vec3(0.36, 0.375, 0.40), 0.5 + 0.5 * n.y);
-  float edge = pow(1.0 - max(0.0, dot(n, eye)), 4.0);
-  float shine = pow(max(0.0, dot(n, normalize(KEY + eye))), 28.0);
+  vec3 around = mix(vec3(0.13, 0.115, 0.105), vec3(0.33, 0.345, 0.37), 0.5 + 0.5 * n.y);
+  float edge = pow(1.0 - max(0.0, dot(n, eye)), 3.0);
+  float shine = pow(max(0.0, dot(n, normalize(KEY + eye))), 24.0);
   vec3 own = pow(tint, vec3(2.2));
-  if (!gl_FrontFacing) own *= vec3(0.72, 0.62, 0.55);
-  vec3 light = around + vec3(0.80, 0.775, 0.74) * key * key + vec3(0.10, 0.115, 0.14) * fill;
-  vec3 sum = own * light + 0.06 * shine + 0.10 * edge * around;
+  if (isBack) own *= vec3(0.72, 0.62, 0.55);
+  vec3 light = around + vec3(1.05, 1.0, 0.94) * key * sqrt(key) + vec3(0.12, 0.135, 0.16) * fill;
+  vec3 sum = own * light + 0.07 * shine + 0.14 * edge * around;
+  sum = sum * (1.0 + sum * 0.16) / (1.0 + sum * 0.3);
   color = vec4(pow(sum, vec3(1.0 / 2.2)), 1.0);
 }`;
 

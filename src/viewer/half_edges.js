@@ -1,12 +1,10 @@
 // The connectivity of a growing mesh, as docs/FORMATS.md says: half-edge h = 3 f + c goes out of
 // corner c of face f. Knows no positions. Splits are checked before anything is changed.
-//
-// The worker is made of the text of these functions: they may name each other and nothing else.
 
 import { Fault } from './bytes.js';
 
 /** The most faces around a vertex that is split: bounds the time that a file can ask for. */
-export const FAN_FACES_MAX = 1024;
+const FAN_FACES_MAX = 1024;
 
 export class HalfEdges {
   /** From the corners of the base: three vertices for each face, all less than `vertices`. */
@@ -71,8 +69,18 @@ export class HalfEdges {
     const r = this.vertices++;
     const f = kind === 1 ? -1 : 3 * this.faces++;
     const g = kind === 2 ? -1 : 3 * this.faces++;
-    if (f >= 0) this.addFace(f, [p, neighbourA, r], [beyondA, a, g]);
-    if (g >= 0) this.addFace(g, [p, r, neighbourB], [f < 0 ? -1 : f + 2, b, beyondB]);
+    if (f >= 0) {
+      this.addFace(f, p, neighbourA, r);
+      this.pair(f, beyondA);
+      this.pair(f + 1, a);
+      this.pair(f + 2, g);
+    }
+    if (g >= 0) {
+      this.addFace(g, p, r, neighbourB);
+      this.pair(g, f < 0 ? -1 : f + 2);
+      this.pair(g + 1, b);
+      this.pair(g + 2, beyondB);
+    }
     if (this.isClosed || kind === 1) first[p] = g;
     else if (start === 0) first[p] = f;
     first[r] = f >= 0 ? f + 2 : isEmpty ? g + 1 : a;
@@ -105,20 +113,24 @@ export class HalfEdges {
     this.movedCount = total;
   }
 
-  addFace(half, corners, twins) {
-    this.origin.set(corners, half);
-    this.twin.set(twins, half);
-    twins.forEach((other, corner) => {
-      if (other >= 0) this.twin[other] = half + corner;
-    });
+  addFace(half, a, b, c) {
+    this.origin[half] = a;
+    this.origin[half + 1] = b;
+    this.origin[half + 2] = c;
+  }
+
+  /** Makes two half-edges each other's twins; `other` may be −1. */
+  pair(half, other) {
+    this.twin[half] = other;
+    if (other >= 0) this.twin[other] = half;
   }
 }
 
-export function next(half) {
+function next(half) {
   return half % 3 === 2 ? half - 2 : half + 1;
 }
 
-export function previous(half) {
+function previous(half) {
   return half % 3 === 0 ? half + 2 : half - 1;
 }
 
@@ -131,7 +143,7 @@ export function grown(array, length) {
 }
 
 /** Twins where exactly two faces have an edge, one in each direction; −1 elsewhere. */
-export function pairTwins(corners, vertices) {
+function pairTwins(corners, vertices) {
   const end = (half) => corners[next(half)];
   const low = (half) => Math.min(corners[half], end(half));
   const high = (half) => Math.max(corners[half], end(half));
@@ -154,7 +166,7 @@ export function pairTwins(corners, vertices) {
 }
 
 /** `items` in the order of `key` (less than `keys`); those with equal keys stay in order. */
-export function sortedBy(items, key, keys) {
+function sortedBy(items, key, keys) {
   const places = new Int32Array(keys + 1);
   for (const item of items) places[key(item) + 1] += 1;
   for (let index = 0; index < keys; ++index) places[index + 1] += places[index];
@@ -164,7 +176,7 @@ export function sortedBy(items, key, keys) {
 }
 
 /** h₀ of every vertex of the base; −1 without a face, −2 where the faces are more than one fan. */
-export function firstHalfEdges(corners, twin, vertices) {
+function firstHalfEdges(corners, twin, vertices) {
   const first = new Int32Array(vertices).fill(-1);
   const degree = new Int32Array(vertices);
   for (let half = 0; half < corners.length; ++half) {

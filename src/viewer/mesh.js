@@ -8,7 +8,7 @@
 const PAGE_ENTRIES = 1024;
 
 /** An array of entries of `width` numbers each that grows, and remembers what changed. */
-export class Pages {
+class Pages {
   constructor(type, width) {
     this.width = width;
     this.array = new type(width * PAGE_ENTRIES);

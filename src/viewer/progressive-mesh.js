@@ -11,7 +11,7 @@ import { Drawing } from './drawing.js';
 import { listen } from './gestures.js';
 import { describe, furnish, LOOKS } from './look.js';
 import { Mesh } from './mesh.js';
-import { startWorker } from './worker.js';
+import { startWorker } from './start.js';
 
 /** Milliseconds of a frame for splits and normals beside drawing. Chosen by hand: half a frame. */
 const WORK_MS = 8;
@@ -23,7 +23,7 @@ const INLINE = 'application/octet-stream;base64';
 /** Outside a browser, as in tests of the decoder, there are no elements. */
 const Element = globalThis.HTMLElement ?? class {};
 
-export class ProgressiveMesh extends Element {
+class ProgressiveMesh extends Element {
   static observedAttributes = ['src', 'caption', 'max-triangles', 'target-fps', 'shading', 'theme', 'up'];
 
   constructor() {
@@ -129,7 +129,7 @@ export class ProgressiveMesh extends Element {
 
   load() {
     this.stop();
-    this.mesh = null;
+    this.mesh = this.header = null;
     this.isEnded = this.isComplete = this.isCut = false;
     this.drawing?.forget();
     this.parts.notice.hidden = true;
@@ -165,10 +165,9 @@ export class ProgressiveMesh extends Element {
 
   /** Takes what the worker posts. */
   receive(part) {
-    if (part.kind === 'header') {
-      this.header = part;
-    } else if (part.kind === 'arrived') {
-      this.arrived = part.arrived;
+    if (part.kind === 'header' || part.kind === 'arrived') {
+      if (part.kind === 'header') this.header = part;
+      else this.arrived = part.arrived;
       if (this.header) this.showProgress();
     } else if (part.kind === 'end') {
       this.isEnded = true;

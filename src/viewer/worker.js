@@ -1,43 +1,18 @@
-// The worker that fetches and decodes, so that the page stays responsive. It is made of the text of
-// the functions it needs, since a page opened from a disk cannot load a worker from a file.
+// The worker, which fetches and decodes, so that the page stays responsive. In one module, this file
+// and what it imports are the body of a function whose text becomes a worker: a page opened from a
+// disk cannot load one from a file. So they name nothing else.
 
-import { ByteReader, Columns, crc32, Fault, inflate, join, RAW_BYTES_MAX, unzigzag } from './bytes.js';
-import { Attribute, BATCH_SPLITS_MAX, checkEnd, connectSplits, decode } from './decode.js';
-import { decodeBase, decodeBatch, guess, readHead, readHeader } from './decode.js';
-import { FAN_FACES_MAX, firstHalfEdges, grown, HalfEdges, next } from './half_edges.js';
-import { pairTwins, previous, sortedBy } from './half_edges.js';
+import { Fault } from './bytes.js';
+import { decode } from './decode.js';
 
 /** How often a connection that breaks is taken up again where it broke. */
-export const RETRIES_MAX = 3;
-
-/** Starts a worker that runs `serve`. */
-export function startWorker() {
-  const url = URL.createObjectURL(new Blob([workerSource()], { type: 'text/javascript' }));
-  const worker = new Worker(url);
-  URL.revokeObjectURL(url);
-  return worker;
-}
-
-/** All that `serve` needs, by name. */
-const ITEMS = {
-  ...{ RAW_BYTES_MAX, FAN_FACES_MAX, BATCH_SPLITS_MAX, RETRIES_MAX },
-  ...{ Fault, ByteReader, Columns, crc32, inflate, join, unzigzag },
-  ...{ HalfEdges, firstHalfEdges, grown, next, pairTwins, previous, sortedBy },
-  ...{ Attribute, checkEnd, connectSplits, decode, decodeBase, decodeBatch, guess, readHead, readHeader },
-  ...{ serve, inlined, fetched },
-};
-
-function workerSource() {
-  const text = ([name, item]) =>
-    typeof item === 'function' ? String(item) : `const ${name} = ${item};`;
-  return [...Object.entries(ITEMS).map(text), 'serve(self);'].join('\n');
-}
+const RETRIES_MAX = 3;
 
 /**
  * Decodes what the first message says (`{ url, facesMax }`, or no URL for texts in base64 that
  * follow, `null` behind the last) and posts what `decode` yields, `arrived` and `fault`.
  */
-export function serve(scope) {
+function serve(scope) {
   const texts = [];
   let wake = () => {};
   scope.onmessage = async ({ data }) => {
@@ -71,14 +46,14 @@ export function serve(scope) {
 }
 
 /** Bytes that stand in the page as texts in base64. */
-export async function* inlined(nextText) {
+async function* inlined(nextText) {
   for (let text = await nextText(); text !== null; text = await nextText()) {
     yield Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   }
 }
 
 /** Bytes from a server; where the connection breaks, the rest is asked for. */
-export async function* fetched(url) {
+async function* fetched(url) {
   let arrived = 0;
   let version = null;
   for (let retries = 0; ; ++retries) {
@@ -101,3 +76,5 @@ export async function* fetched(url) {
     }
   }
 }
+
+serve(globalThis);
