@@ -41,7 +41,7 @@ Examples:
   meshmill info scan.ply --json
   meshmill compare scan.ply small.ply --memory 1GiB
   meshmill render scan.ply -o scan.png --view iso
-  meshmill document scan.pm -o scan.html
+  meshmill document scan.ply -o scan.html
   meshmill generate gyroid --triangles 10M -o test.ply
 
 Exit codes: 0 done, 1 failed while working, 2 misuse, 3 the input is not what it says,
@@ -67,7 +67,7 @@ pub(super) enum Command {
     Compare(Compare),
     /// A picture of any mesh, drawn as it streams by
     Render(Render),
-    /// A page that shows a progressive mesh, finer while it loads
+    /// Any mesh as a page to look at it: an HTML file that works offline
     Document(Document),
     /// A synthetic surface of any size, streamed
     Generate(Generate),
@@ -284,7 +284,7 @@ pub(super) enum Axis {
     Z,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct Inputs {
     /// Meshes to read; `-` is standard input
     #[arg(required = true, value_name = "IN")]
@@ -323,7 +323,7 @@ pub(super) struct Output {
 }
 
 /// What every command that writes a mesh takes.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Running")]
 pub(super) struct Run {
     #[command(flatten)]
@@ -339,7 +339,7 @@ pub(super) struct Run {
 }
 
 /// What every command that works takes: its share of the machine, and how it shows itself.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Running")]
 pub(super) struct Machine {
     /// Memory to keep to [default: half of what is available]

@@ -17,10 +17,7 @@ use meshmill::{
     formats::{Counts, Precision, WriteOptions},
     pipeline::{self, Job, OutputReport, Plan, Report, StageReport, Task},
     progress::{Cancel, Monitor},
-    stages::{
-        convert::export::{self, Target},
-        generate,
-    },
+    stages::{convert::export, generate},
     storage::{OutputFile, Overwrite, Workspace, check_output, is_stream},
 };
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -108,7 +105,7 @@ pub(super) fn sort(args: &Sort, host: &Host) -> ExitCode {
 
 /// Plans and runs a job; `None` after a dry run.
 pub(super) fn run_job(job: Job, args: &Convert, session: &Session) -> Result<Option<Report>> {
-    let to_stdout = job.target == Target::Stdout;
+    let to_stdout = args.output.path == Path::new("-");
     check_report(&args.run, &args.inputs.paths, &args.output.path)?;
     let prepared = pipeline::prepare(job)?;
     if args.dry_run {

@@ -8,41 +8,46 @@ use std::{
 use clap::{Args, ValueEnum};
 use meshmill::{
     Error, Result,
-    pipeline::{self, DataPlacement, DocumentReport},
+    formats::Format,
+    pipeline::{self, DataPlacement, DocumentReport, Job},
     stages::convert::export::Target,
-    storage::Overwrite,
+    storage::{Overwrite, Workspace},
     viewer::Page,
 };
 
 use super::{
-    args::Machine,
-    commands::{in_session, print},
-    job::Host,
+    args::{Convert, Inputs, Output, Run},
+    commands::{Session, in_session, print, run_job},
+    job::{self, Host},
     outcome,
+    progressive::{self, Fineness},
 };
 
-/// A page that shows a progressive mesh: at once, finer while it loads, and turned with the mouse.
+/// Any mesh as a page to look at it: there at once, finer while it loads, turned with the mouse.
 ///
 /// The page is one HTML file that needs nothing else, not even a network: send it, or open it from
 /// the disk in any browser with WebGL2 (Chrome, Edge, Firefox and Safari since 2023). It holds the
-/// viewer, some 40 kB, and the mesh in base64, four thirds of its bytes.
+/// viewer and the mesh, in base64: about five bytes a triangle. A mesh of more than --triangles is
+/// simplified first, out of core; IN may also be a .pm that `progressive` has written.
 ///
 /// With --external the mesh stays in a file beside the page, OUT.pm, for a web server: browsers do
 /// not let pages from the disk read other files. Any static server will do; where a connection
 /// breaks, the rest is asked for with a Range.
 #[derive(Debug, Args)]
 pub(super) struct Document {
-    /// Progressive mesh to show
-    #[arg(value_name = "IN")]
-    input: PathBuf,
+    #[command(flatten)]
+    inputs: Inputs,
 
     /// Page to write; `-` is standard output
     #[arg(short = 'o', long = "output", value_name = "OUT")]
     output: PathBuf,
 
-    /// Replace OUT if it exists
+    /// Replace OUT if it exists, and OUT.pm with --external
     #[arg(long)]
     force: bool,
+
+    #[command(flatten)]
+    fineness: Fineness,
 
     /// Title of the page [default: the name of IN]
     #[arg(long, value_name = "TEXT")]
@@ -60,8 +65,12 @@ pub(super) struct Document {
     #[arg(long)]
     external: bool,
 
+    /// Say what would be done and what it needs, and do nothing
+    #[arg(long)]
+    dry_run: bool,
+
     #[command(flatten)]
-    machine: Machine,
+    run: Run,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -76,17 +85,74 @@ enum Up {
 
 /// `meshmill document`.
 pub(super) fn document(args: &Document, host: &Host) -> ExitCode {
-    in_session(&args.machine, |session| {
+    in_session(&args.run.machine, |session| {
         let document = meaning(args, host)?;
-        let report = pipeline::document(&document, &session.monitor())?;
-        let line = text(&document, report)?;
-        if document.target == Target::Stdout || args.machine.quiet {
-            session.display.say(&line);
-        } else {
-            print(&format!("{line}\n"))?;
+        pipeline::check_document(&document)?;
+        if is_progressive(&args.inputs) {
+            if args.dry_run || args.run.report.is_some() {
+                let text =
+                    "a progressive mesh is put into its page as it is: there is no plan or report";
+                return Err(Error::Request(text.to_owned()));
+            }
+            write(&document, args, session)?;
+            return Ok(outcome::DONE);
+        }
+        let temp_dir = temp_dir(args, host);
+        let workspace = Workspace::create(&temp_dir)?;
+        let input = match document.placement {
+            DataPlacement::Inside => workspace.path().join("page.pm"),
+            DataPlacement::Beside => pipeline::path_beside(&document.target)?,
+        };
+        let document = pipeline::Document { input, ..document };
+        let shown = convert(args, &args.output, &temp_dir);
+        let made = convert(args, &document.input, &temp_dir);
+        let job = progressive::meaning(&made, &args.fineness, host)?;
+        // What it would go on from belongs to a mesh that is gone with the run.
+        let job = Job { keeping: None, ..job };
+        if run_job(job, &shown, session)?.is_some() {
+            write(&document, args, session)?;
         }
         Ok(outcome::DONE)
     })
+}
+
+/// Whether the input is what a page holds already.
+fn is_progressive(inputs: &Inputs) -> bool {
+    let named = |path: &PathBuf| Format::from_path(path) == Some(Format::Progressive);
+    inputs.paths.len() == 1 && inputs.input_format.is_none() && inputs.paths.iter().all(named)
+}
+
+/// Folder for the mesh on its way into the page.
+fn temp_dir(args: &Document, host: &Host) -> PathBuf {
+    let folder = args.output.parent().filter(|folder| *folder != Path::new(""));
+    job::temp_dir(&args.run.machine, folder, host)
+}
+
+/// What `progressive` would have been told.
+fn convert(args: &Document, output: &Path, temp_dir: &Path) -> Convert {
+    let mut run = args.run.clone();
+    run.machine.temp_dir = Some(temp_dir.to_owned());
+    let format = Some(Format::Progressive);
+    Convert {
+        inputs: args.inputs.clone(),
+        output: Output { path: output.to_owned(), format, force: args.force },
+        dry_run: args.dry_run,
+        resume: false,
+        keep_temp: false,
+        checkpoint_seconds: 0,
+        run,
+    }
+}
+
+/// Writes the page and says so.
+fn write(document: &pipeline::Document, args: &Document, session: &Session) -> Result<()> {
+    let report = pipeline::document(document, &session.monitor())?;
+    let line = text(document, report)?;
+    if document.target == Target::Stdout || args.run.machine.quiet {
+        session.display.say(&line);
+        return Ok(());
+    }
+    print(&format!("{line}\n"))
 }
 
 fn text(document: &pipeline::Document, report: DocumentReport) -> Result<String> {
@@ -103,8 +169,10 @@ fn text(document: &pipeline::Document, report: DocumentReport) -> Result<String>
 
 /// What to write.
 fn meaning(args: &Document, host: &Host) -> Result<pipeline::Document> {
-    let name = args.input.file_stem().unwrap_or_default().to_string_lossy();
-    let title = args.title.clone().unwrap_or_else(|| name.into_owned());
+    let input = args.inputs.paths.first().cloned().unwrap_or_default();
+    let name = input.file_stem().unwrap_or_default().to_string_lossy();
+    let name = if input == Path::new("-") { "mesh".into() } else { name };
+    let title = args.title.clone().unwrap_or_else(|| name.clone().into_owned());
     let up = match args.up {
         Up::X => "x",
         Up::Y => "y",
@@ -112,7 +180,7 @@ fn meaning(args: &Document, host: &Host) -> Result<pipeline::Document> {
     };
     let caption = args.caption.clone().unwrap_or_else(|| title.clone());
     Ok(pipeline::Document {
-        input: args.input.clone(),
+        input,
         target: target(args, host)?,
         page: Page { title, caption, up: Some(up) },
         placement: if args.external { DataPlacement::Beside } else { DataPlacement::Inside },

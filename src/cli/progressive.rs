@@ -27,6 +27,13 @@ pub(super) struct Progressive {
     #[command(flatten)]
     pub(super) convert: Convert,
 
+    #[command(flatten)]
+    pub(super) fineness: Fineness,
+}
+
+/// How fine a progressive mesh is, and how coarse it begins.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Fineness {
     /// Triangles at most: what a mesh has more is simplified away first
     #[arg(short, long, value_name = "N", value_parser = values::count, default_value = "2M")]
     pub(super) triangles: u64,
@@ -47,19 +54,19 @@ pub(super) struct Progressive {
 /// `meshmill progressive`.
 pub(super) fn progressive(args: &Progressive, host: &Host) -> ExitCode {
     in_session(&args.convert.run.machine, |session| {
-        run_job(meaning(args, host)?, &args.convert, session)?;
+        run_job(meaning(&args.convert, &args.fineness, host)?, &args.convert, session)?;
         Ok(outcome::DONE)
     })
 }
 
-/// The job of `progressive`.
-fn meaning(args: &Progressive, host: &Host) -> Result<Job> {
-    let metric = match args.metric {
+/// The job that makes such a mesh.
+pub(super) fn meaning(convert: &Convert, fineness: &Fineness, host: &Host) -> Result<Job> {
+    let metric = match fineness.metric {
         Metric::Quadric => pipeline::Metric::Quadric,
         Metric::Volume => pipeline::Metric::Volume,
     };
     let simplify = pipeline::Simplify {
-        goal: pipeline::Goal::Triangles(args.triangles),
+        goal: pipeline::Goal::Triangles(fineness.triangles),
         method: Method::Auto,
         metric,
         selection: Selection::Threshold,
@@ -72,11 +79,11 @@ fn meaning(args: &Progressive, host: &Host) -> Result<Job> {
         measure: None,
     };
     let progressive = pipeline::Progressive {
-        triangles_max: args.triangles,
+        triangles_max: fineness.triangles,
         metric,
-        bits: args.bits,
-        base_triangles: args.base,
+        bits: fineness.bits,
+        base_triangles: fineness.base,
     };
-    let job = job::convert(&args.convert, Task::Simplify(simplify), host)?;
+    let job = job::convert(convert, Task::Simplify(simplify), host)?;
     Ok(Job { progressive: Some(progressive), ..job })
 }

@@ -8,6 +8,7 @@ use std::{
 
 use crate::{
     error::{Error, Fault, IoContext as _, Position, Result},
+    formats::{FormatError, progressive::Reader},
     progress::{Meter, Monitor, StageId},
     stages::convert::export::Target,
     storage::{OutputFile, Overwrite, open_input},
@@ -51,8 +52,8 @@ pub struct DocumentReport {
 /// [`Error::Input`] when the input is no progressive mesh, [`Error::Request`] when a name is taken
 /// or is none for a page, [`Error::Io`], cancellation. Nothing is left under the page's name then.
 pub fn document(document: &Document, monitor: &Monitor) -> Result<DocumentReport> {
+    check_document(document)?;
     let Document { input, target, page, placement } = document;
-    target.check()?;
     let mesh_bytes = check_mesh(input)?;
     let meter = monitor.meter(StageId::Document, Some(mesh_bytes));
     let file = open_input(input)?.take(mesh_bytes);
@@ -68,6 +69,35 @@ pub fn document(document: &Document, monitor: &Monitor) -> Result<DocumentReport
     };
     source.meter.finish();
     Ok(DocumentReport { page_bytes, mesh_bytes })
+}
+
+/// Refuses a page that cannot be written, before any work is done for it.
+///
+/// # Errors
+/// [`Error::Request`] when its name is taken or is none for a page, [`Error::Io`].
+pub fn check_document(document: &Document) -> Result<()> {
+    let Document { input, target, placement, .. } = document;
+    if let Target::File(path, _) = target
+        && is_same(path, input)
+    {
+        let text = format!("{} is the mesh and cannot be the page", path.display());
+        return Err(Error::Request(text));
+    }
+    if *placement == DataPlacement::Beside {
+        let (Target::File(_, overwrite), beside) = (target, path_beside(target)?) else {
+            return Ok(());
+        };
+        if !is_same(&beside, input) {
+            Target::File(beside, *overwrite).check()?;
+        }
+    }
+    target.check()
+}
+
+/// Whether two names lead to one file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| path.canonicalize().ok();
+    place(a).is_some_and(|at| place(b) == Some(at))
 }
 
 /// Where the mesh beside a page is written.
@@ -91,17 +121,16 @@ pub fn path_beside(target: &Target) -> Result<PathBuf> {
 fn write_beside(target: &Target, source: &mut Source<'_>) -> Result<String> {
     let path = path_beside(target)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let place = |path: &Path| path.canonicalize().ok();
-    if place(&path).is_some_and(|at| place(source.path) == Some(at)) {
+    if is_same(&path, source.path) {
         return Ok(name);
     }
     let overwrite = match target {
         Target::File(_, overwrite) => *overwrite,
         Target::Stdout => Overwrite::Refuse,
     };
-    let beside = Target::File(path, overwrite);
-    beside.check()?;
-    write_file(&beside, source, |source, out| io::copy(source, out).map(drop))?;
+    write_file(&Target::File(path, overwrite), source, |source, out| {
+        io::copy(source, out).map(drop)
+    })?;
     Ok(name)
 }
 
@@ -165,25 +194,16 @@ impl Read for Source<'_> {
     }
 }
 
-/// Refuses what is no whole progressive mesh; returns its size in bytes.
+/// Refuses what is no whole progressive mesh, with every checksum in it; returns its size in bytes.
 fn check_mesh(path: &Path) -> Result<u64> {
-    let mut file = open_input(path)?;
-    let size_bytes = file.metadata().at("examine", path)?.len();
-    let mut head = Vec::new();
-    (&mut file).take(24).read_to_end(&mut head).at("read", path)?;
-    let refuse =
-        |byte, fault| Err(Error::Input { path: path.to_owned(), at: Position::byte(byte), fault });
-    if !head.starts_with(b"\x89MMPROG\n") {
-        return refuse(0, Fault::Unsupported("a mesh that is not progressive"));
+    let in_file = |error: FormatError| error.in_file(path);
+    let mut reader = Reader::open(open_input(path)?).map_err(in_file)?;
+    reader.read_base().map_err(in_file)?;
+    while reader.next_batch().map_err(in_file)?.is_some() {}
+    let read_bytes = reader.bytes_read();
+    if reader.is_cut() {
+        let (at, fault) = (Position::byte(read_bytes), Fault::Truncated { inside: "a batch" });
+        return Err(in_file(FormatError::input(at, fault)));
     }
-    let length =
-        head.get(16..24).and_then(|bytes| Some(u64::from_le_bytes(bytes.try_into().ok()?)));
-    match length {
-        None => refuse(size_bytes, Fault::Truncated { inside: "the header" }),
-        Some(length) if length > size_bytes => {
-            refuse(size_bytes, Fault::Truncated { inside: "a batch" })
-        }
-        Some(length) if length < size_bytes => refuse(length, Fault::Corrupt("the length")),
-        Some(_) => Ok(size_bytes),
-    }
+    Ok(read_bytes)
 }

@@ -34,7 +34,9 @@ pub use compare::{
     DeviationReport, RelativeReport, SamplesReport, compare,
 };
 pub use compare_picture::ComparePicture;
-pub use document::{DataPlacement, Document, DocumentReport, document, path_beside};
+pub use document::{
+    DataPlacement, Document, DocumentReport, check_document, document, path_beside,
+};
 pub use info::{DefectInfo, Detail, Info, InfoReport, OrderReport, TopologyFacts, info};
 pub use job::{End, Goal, Job, Keeping, Method, Selection, Simplify, Sort, Start, Task};
 pub use method::Choice;
