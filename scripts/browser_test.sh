@@ -25,7 +25,7 @@ MESHMILL=$(cargo metadata --format-version 1 --no-deps | node -p \
 export MESHMILL
 
 cd tests/browser
-files=(decoder.test.js controller.test.js)
+files=(decoder.test.js controller.test.js refine.test.js)
 if ! command -v chromium >/dev/null 2>&1; then
     skip "tests in a browser: there is no chromium"
 elif ! [ -d node_modules/playwright-core ]; then
