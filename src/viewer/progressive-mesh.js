@@ -13,7 +13,7 @@ import { describe, furnish, LOOKS } from './look.js';
 import { Mesh } from './mesh.js';
 import { startWorker } from './start.js';
 
-/** Milliseconds of a frame for splits and normals beside drawing. Chosen by hand: half a frame. */
+/** Milliseconds of a frame for normals, when nothing else is to be done. Chosen by hand: half a frame. */
 const WORK_MS = 8;
 /** Splits of a frame as a share of what is shown, so that copying costs no more than all of it. */
 const PORTION = 1 / 10;
@@ -129,7 +129,7 @@ class ProgressiveMesh extends Element {
 
   load() {
     this.stop();
-    this.mesh = this.header = null;
+    this.mesh = this.header = this.normals = null;
     this.isEnded = this.isComplete = this.isCut = false;
     this.drawing?.forget();
     this.parts.notice.hidden = true;
@@ -210,8 +210,13 @@ class ProgressiveMesh extends Element {
     this.tell('progress', { bytes, length: header.length });
   }
 
-  /** Something may have changed: looks at it with the next frame. */
+  /** What is seen may have changed: draws it with the next frame. */
   invalidate() {
+    this.isStale = true;
+    this.again();
+  }
+
+  again() {
     if (this.request === 0 && this.isConnected) {
       this.request = requestAnimationFrame((now) => this.frame(now));
     }
@@ -223,12 +228,16 @@ class ProgressiveMesh extends Element {
     const { mesh, controller } = this;
     if (mesh) controller.frame(now, mesh.faces);
     const isMoving = this.camera.follow(elapsed);
-    if (isMoving) controller.moved(now);
+    if (isMoving) {
+      controller.moved(now);
+      this.isStale = true;
+    }
     const isBusy = mesh !== null && this.work(now, elapsed);
-    this.draw();
+    if (this.isStale) this.draw();
+    this.isStale = false;
     this.frameAt = isMoving || isBusy ? now : null;
     if (isMoving || isBusy) {
-      this.invalidate();
+      this.again();
       return;
     }
     controller.pause();
@@ -236,7 +245,7 @@ class ProgressiveMesh extends Element {
       clearTimeout(this.rest);
       this.rest = setTimeout(() => {
         this.rest = 0;
-        this.invalidate();
+        this.again();
       }, controller.restIn(now));
     } else if (mesh && this.isEnded) {
       this.finish();
@@ -249,20 +258,21 @@ class ProgressiveMesh extends Element {
     const wanted = Math.min(this.facesMax, controller.allowed(now));
     // Where drawing takes long, fewer and larger portions are there sooner.
     const portion = Math.max(500, PORTION * mesh.vertices * Math.max(1, Math.min(elapsed, 500) / 25));
-    const splits = mesh.approach(wanted, portion);
-    if (splits > 0) {
+    if (mesh.approach(wanted, portion) > 0) {
       const { rms, maximum } = mesh.error;
       this.tell('refined', { triangles: mesh.faces, vertices: mesh.vertices, rms, maximum });
+      this.isStale = true;
+      return true;
     }
-    const needsNormals = this.shading === 'smooth' && controller.isAtRest(now);
-    if (needsNormals && !this.normals && !mesh.normalsFit) this.normals = mesh.computeNormals();
-    if (needsNormals && this.normals) {
-      const end = performance.now() + WORK_MS;
-      while (this.normals && performance.now() < end) {
-        if (this.normals.next().done) this.normals = null;
-      }
+    if (this.shading !== 'smooth' || !controller.isAtRest(now)) return false;
+    if (!mesh.normalsFit) this.normals = mesh.computeNormals();
+    const end = performance.now() + WORK_MS;
+    while (this.normals && performance.now() < end) {
+      if (!this.normals.next().done) continue;
+      this.normals = null;
+      this.isStale = true;
     }
-    return splits > 0 || (needsNormals && (this.normals !== null || !mesh.normalsFit));
+    return this.normals !== null;
   }
 
   draw() {
