@@ -57,8 +57,9 @@ pub(super) struct Document {
     #[arg(long, value_name = "TEXT")]
     caption: Option<String>,
 
-    /// The axis of the model that points up: many scans have theirs along y
-    #[arg(long, value_enum, default_value_t = Up::Y)]
+    /// The axis of the model that points up, with a minus where it points down: many scans have
+    /// theirs along y
+    #[arg(long, value_enum, default_value_t = Up::Y, allow_hyphen_values = true, hide_possible_values = true, value_name = "x|y|z|-x|-y|-z")]
     up: Up,
 
     /// Keep the mesh beside the page, as OUT.pm, for a web server
@@ -81,6 +82,15 @@ enum Up {
     Y,
     /// The third coordinate
     Z,
+    /// Against the first
+    #[value(name = "-x")]
+    MinusX,
+    /// Against the second
+    #[value(name = "-y")]
+    MinusY,
+    /// Against the third
+    #[value(name = "-z")]
+    MinusZ,
 }
 
 /// `meshmill document`.
@@ -177,6 +187,9 @@ fn meaning(args: &Document, host: &Host) -> Result<pipeline::Document> {
         Up::X => "x",
         Up::Y => "y",
         Up::Z => "z",
+        Up::MinusX => "-x",
+        Up::MinusY => "-y",
+        Up::MinusZ => "-z",
     };
     let caption = args.caption.clone().unwrap_or_else(|| title.clone());
     Ok(pipeline::Document {
@@ -228,9 +241,9 @@ mod tests {
         assert_eq!(plain.placement, DataPlacement::Inside);
         let target = Target::File("out/igea.html".into(), Overwrite::Refuse);
         assert_eq!(plain.target, target);
-        let line = "meshmill document a.pm -o - --title T --caption C --up z";
+        let line = "meshmill document a.pm -o - --title T --caption C --up -z";
         let told = document(line);
-        assert_eq!(words(&told.page), ("T".to_owned(), "C".to_owned(), Some("z")));
+        assert_eq!(words(&told.page), ("T".to_owned(), "C".to_owned(), Some("-z")));
         assert_eq!(told.target, Target::Stdout);
     }
 

@@ -8,22 +8,18 @@ const EASE_MS = 70;
 
 export class Camera {
   constructor() {
-    /** Model directions to those of the screen (right, up, towards the viewer): rows, 3 × 3. */
-    this.home = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-    this.reset();
-    this.now = { ...this.goal };
+    // `home`: model directions to those of the screen (right, up, towards the viewer), rows of 3 × 3.
+    this.setUp('y');
   }
 
-  /** Looks along an axis: `up` is the axis of the model that points up. */
+  /** Looks from the front: `up` is the axis of the model that points up, `-z` for one that points down. */
   setUp(up) {
-    const front = {
-      x: [0, 1, 0, 1, 0, 0, 0, 0, -1],
-      y: [1, 0, 0, 0, 1, 0, 0, 0, 1],
-      z: [1, 0, 0, 0, 0, 1, 0, -1, 0],
-    }[up] ?? this.home;
-    this.home = multiply(about(0, 0.14), multiply(about(1, -0.35), front));
+    const axes = { x: [0, 1, 0, 1, 0, 0, 0, 0, -1], z: [1, 0, 0, 0, 0, 1, 0, -1, 0] };
+    const front = axes[up.at(-1)] ?? [1, 0, 0, 0, 1, 0, 0, 0, 1];
+    const upright = about(2, up.length > 1 ? Math.PI : 0);
+    this.home = [about(0, 0.14), about(1, -0.35), upright, front].reduce(multiply);
     this.reset();
-    this.now = { ...this.goal };
+    this.jump();
   }
 
   reset() {

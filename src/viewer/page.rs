@@ -17,7 +17,8 @@ pub struct Page {
     pub title: String,
     /// Below the mesh, always in view; may be empty.
     pub caption: String,
-    /// The axis of the model that points up: `x`, `y` or `z`; `None`: it is shown as it lies.
+    /// The axis of the model that points up: `x`, `y`, `z`, or `-x` and so on where it points down;
+    /// `None`: `y`.
     pub up: Option<&'static str>,
 }
 

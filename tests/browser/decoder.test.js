@@ -2,6 +2,7 @@
 // document, whatever the chunks, and what it says of files that are wrong.
 
 import assert from 'node:assert/strict';
+import { readdir, readFile } from 'node:fs/promises';
 import { test } from 'node:test';
 
 import { decode } from '../../src/viewer/decode.js';
@@ -152,6 +153,21 @@ test('what breaks a rule is refused, says where, and leaves what came before it'
     assert.match(fault, /^byte \d+: /, name);
     assert.equal(parts, blocks, name);
     if (blocks > 0) assert.ok(shown(mesh).faces.length >= 24, name);
+  }
+});
+
+const GOLDEN = new URL('../../testdata/progressive/', import.meta.url);
+/** Files of the command that are whole; all others there are wrong in some way. */
+const WHOLE = ['hills.pm', 'hills-colored.pm', 'octahedron.pm'];
+
+test('the files that the command is tested with are accepted and refused as there', async () => {
+  const names = (await readdir(GOLDEN)).filter((name) => name.endsWith('.pm'));
+  assert.ok(WHOLE.every((name) => names.includes(name)));
+  for (const name of names) {
+    const { fault, parts } = await decoded(new Uint8Array(await readFile(new URL(name, GOLDEN))), 1000);
+    assert.equal(fault === null, WHOLE.includes(name), `${name}: ${fault}`);
+    const hasBase = !/header|magic|base|future/.test(name);
+    assert.equal(parts > 0, hasBase, name);
   }
 });
 
