@@ -60,14 +60,10 @@ export class Camera {
       x: between(now.x, goal.x),
       y: between(now.y, goal.y),
     };
-    const apart = Math.max(
-      ...now.turn.map((value, index) => Math.abs(value - goal.turn[index])),
-      Math.abs(Math.log(ratio)),
-      Math.abs(now.x - goal.x) / now.distance,
-      Math.abs(now.y - goal.y) / now.distance,
-    );
-    if (apart > 5e-4) return true;
-    this.now = { ...goal };
+    const aparts = now.turn.map((value, index) => value - goal.turn[index]);
+    aparts.push(Math.log(ratio), (now.x - goal.x) / now.distance, (now.y - goal.y) / now.distance);
+    if (Math.hypot(...aparts) > 1e-3) return true;
+    this.jump();
     return false;
   }
 
@@ -79,29 +75,24 @@ export class Camera {
   /** Columns of the matrices to the screen, for a model of that middle and radius. */
   matrices(middle, radius, aspect) {
     const { turn, distance, x, y } = this.now;
-    const scale = 1 / radius;
-    const shift = [x, y, -distance];
-    const toView = new Float32Array(16);
-    for (let row = 0; row < 3; ++row) {
-      const line = turn.slice(3 * row, 3 * row + 3).map((value) => value * scale);
-      line.forEach((value, column) => (toView[4 * column + row] = value));
-      toView[12 + row] = shift[row] - line.reduce((sum, value, axis) => sum + value * middle[axis], 0);
-    }
-    toView[15] = 1;
+    const row = (index) => turn.slice(3 * index, 3 * index + 3).map((value) => value / radius);
+    const rows = [0, 1, 2].map(row);
+    const shift = [x, y, -distance].map((value, index) => value - dot(rows[index], middle));
+    const column = (axis) => [...rows.map((line) => line[axis]), 0];
+    const toView = [...column(0), ...column(1), ...column(2), ...shift, 1];
     const far = distance + 1.1;
     const near = Math.max(distance - 1.1, far / 2000);
     // What is higher than wide is shown as wide as it is high.
     const focal = Math.min(1, aspect) / Math.tan(FIELD / 2);
-    const toClip = new Float32Array(16);
-    toClip[0] = focal / aspect;
-    toClip[5] = focal;
-    toClip[10] = (near + far) / (near - far);
-    // The bar at the foot is not to hide anything.
-    toClip[9] = -0.06;
-    toClip[11] = -1;
-    toClip[14] = (2 * near * far) / (near - far);
+    const [scale, offset] = [(near + far) / (near - far), (2 * near * far) / (near - far)];
+    // Raised a little: the bar at the foot is not to hide anything.
+    const toClip = [focal / aspect, 0, 0, 0, 0, focal, 0, 0, 0, -0.06, scale, -1, 0, 0, offset, 0];
     return { toView, toClip };
   }
+}
+
+function dot(a, b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /** Rotation about an axis of the screen. */
@@ -123,17 +114,9 @@ function multiply(a, b) {
 
 /** Rows made perpendicular and of length one, so that errors do not add up. */
 function orthonormal(rows) {
-  const unit = (row) => {
-    const length = Math.hypot(...row) || 1;
-    return row.map((value) => value / length);
-  };
-  const near = unit(rows.slice(6));
-  const right = rows.slice(0, 3);
-  const along = right.reduce((sum, value, axis) => sum + value * near[axis], 0);
-  const x = unit(right.map((value, axis) => value - along * near[axis]));
-  const y = [0, 1, 2].map((axis) => {
-    const [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
-    return near[i] * x[j] - near[j] * x[i];
-  });
-  return [...x, ...y, ...near];
+  const unit = (row) => row.map((value) => value / (Math.hypot(...row) || 1));
+  const z = unit(rows.slice(6));
+  const along = dot(rows, z);
+  const x = unit(z.map((value, axis) => rows[axis] - along * value));
+  return [...x, z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0], ...z];
 }

@@ -56,17 +56,14 @@ function readHeader(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const u32 = (offset) => view.getUint32(offset, true);
   const f64 = (offset) => view.getFloat64(offset, true);
-  const refuse = (offset, why) => {
-    throw new Fault(`byte ${offset}: ${why}`);
+  const expect = (fits, offset, why) => {
+    if (!fits) throw new Fault(`byte ${offset}: ${why}`);
   };
-  const magic = '\x89MMPROG\n';
-  for (let index = 0; index < 8; ++index) {
-    if (bytes[index] !== magic.charCodeAt(index)) refuse(0, 'this is no progressive mesh');
-  }
-  if (u32(8) !== 1) refuse(8, `version ${u32(8)} is not known, only version 1`);
-  if (crc32(bytes.subarray(0, 124)) !== u32(124)) refuse(124, 'the checksum of the header is wrong');
-  const flags = u32(12);
-  if (flags > 3 || flags === 2) refuse(12, `flags ${flags} are not known`);
+  expect(String.fromCharCode(...bytes.subarray(0, 8)) === '\x89MMPROG\n', 0, 'this is no progressive mesh');
+  expect(u32(8) === 1, 8, `version ${u32(8)} is not known, only version 1`);
+  expect(crc32(bytes.subarray(0, 124)) === u32(124), 124, 'the checksum of the header is wrong');
+  const channels = [0, 3, -1, 4][u32(12)];
+  expect(channels >= 0, 12, 'the flags are not known');
   const header = {
     length: Number(view.getBigUint64(16, true)),
     vertices: u32(24),
@@ -77,15 +74,15 @@ function readHeader(bytes) {
     bits: u32(44),
     origin: [f64(48), f64(56), f64(64)],
     step: f64(72),
-    channels: [0, 3, 0, 4][flags],
+    channels,
   };
-  const { vertices, faces, baseVertices, baseFaces, bits, origin, step } = header;
-  if (vertices >= 2 ** 31 || baseVertices > vertices) refuse(24, 'so many vertices cannot be');
-  if (faces >= 2 ** 30 || baseFaces > faces) refuse(28, 'so many faces cannot be');
-  if (bits < 4 || bits > 24) refuse(44, `coordinates of ${bits} bits cannot be`);
-  if (!origin.every(Number.isFinite)) refuse(48, 'the origin is not finite');
-  if (!(step > 0 && step < Infinity)) refuse(72, 'the step is not positive');
-  if (bytes.subarray(80, 124).some((byte) => byte !== 0)) refuse(80, 'reserved bytes are not zero');
+  const { vertices, faces, bits, step } = header;
+  expect(vertices < 2 ** 31 && header.baseVertices <= vertices, 24, 'so many vertices cannot be');
+  expect(faces < 2 ** 30 && header.baseFaces <= faces, 28, 'so many faces cannot be');
+  expect(bits >= 4 && bits <= 24, 44, `coordinates of ${bits} bits cannot be`);
+  expect(header.origin.every(Number.isFinite), 48, 'the origin is not finite');
+  expect(step > 0 && step < Infinity, 72, 'the step is not positive');
+  expect(bytes.subarray(80, 124).every((byte) => byte === 0), 80, 'reserved bytes are not zero');
   return header;
 }
 

@@ -24,7 +24,7 @@ uniform int mode;
 uniform vec4 line;
 in vec3 place, direction, tint;
 out vec4 color;
-const vec3 KEY = vec3(-0.44, 0.62, 0.65), FILL = vec3(0.80, 0.10, 0.59);
+const vec3 KEY = vec3(-0.44, 0.62, 0.65), FILL = vec3(0.8, 0.1, 0.59);
 void main() {
   if (mode == 2) { color = vec4(line.rgb * line.a, line.a); return; }
   vec3 eye = normalize(-place);
@@ -50,7 +50,7 @@ const MODES = { smooth: 0, flat: 1, wire: 1 };
 export class Drawing {
   /** Throws where there is no WebGL2. */
   constructor(canvas) {
-    const gl = canvas.getContext('webgl2', { antialias: true, powerPreference: 'high-performance' });
+    const gl = canvas.getContext('webgl2', { antialias: true });
     if (!gl) throw new Error('this browser shows no WebGL2');
     this.gl = gl;
     this.prepare();

@@ -12,15 +12,13 @@ const KEY_ZOOM = 1.2;
 export function listen(canvas, camera, moved) {
   const pointers = new Map();
   const on = (name, listener) => canvas.addEventListener(name, listener, { passive: false });
-  const forget = (event) => pointers.delete(event.pointerId);
   on('pointerdown', (event) => {
     canvas.focus({ preventScroll: true });
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
   });
-  on('pointerup', forget);
-  on('pointercancel', forget);
-  on('lostpointercapture', forget);
+  // Whatever ends a gesture ends the capture.
+  on('lostpointercapture', (event) => pointers.delete(event.pointerId));
   on('contextmenu', (event) => event.preventDefault());
   on('pointermove', (event) => {
     const before = pointers.get(event.pointerId);
@@ -73,7 +71,7 @@ function press(camera, { key, shiftKey }) {
     if (shiftKey) camera.pan(KEY_PAN * right, -KEY_PAN * down);
     else camera.turn(KEY_TURN * right, KEY_TURN * down);
   } else if (key === '+' || key === '=') camera.zoom(KEY_ZOOM);
-  else if (key === '-' || key === '_') camera.zoom(1 / KEY_ZOOM);
+  else if (key === '-') camera.zoom(1 / KEY_ZOOM);
   else if (key === 'Home' || key === '0') camera.reset();
   else return false;
   return true;

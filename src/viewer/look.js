@@ -8,7 +8,6 @@ const STYLE = `
   font: 13px/1.4 system-ui, sans-serif; color-scheme: light; }
 :host(.dark) { --ink: #e9e7e2; --quiet: #9a9ea5; --paper: #2b2e33; --paper-low: #15171a; --bar: #1c1e22cc;
   --rule: #ffffff1f; --accent: #79b8d3; --alarm: #f0907f; color-scheme: dark; }
-:host([hidden]) { display: none; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; cursor: grab;
   outline: none; }
 canvas:active { cursor: grabbing; }
@@ -20,30 +19,30 @@ canvas:focus-visible { box-shadow: inset 0 0 0 3px var(--accent); }
 .foot { position: absolute; inset: auto 0 0; display: flex; flex-direction: column; align-items: start;
   pointer-events: none; padding: 12px; gap: 8px; }
 .foot > * { pointer-events: auto; }
-.notice, .help { background: var(--bar); border: 1px solid var(--rule); border-radius: 8px;
-  padding: 7px 12px; margin: 0; max-width: 46em; backdrop-filter: blur(8px); }
+.notice, .help, .bar { background: var(--bar); border-radius: 10px; padding: 7px 12px; margin: 0;
+  max-width: 46em; backdrop-filter: blur(8px); }
+.notice, .help, .bar, fieldset, button { border: 1px solid var(--rule); }
 .notice { color: var(--alarm); }
 .help { color: var(--quiet); }
-[hidden] { display: none !important; }
+:host([hidden]), [hidden] { display: none !important; }
 .bar { box-sizing: border-box; width: 100%; display: flex; flex-wrap: wrap; align-items: center;
-  gap: 6px 14px; background: var(--bar); border: 1px solid var(--rule); border-radius: 10px;
-  padding: 7px 8px 7px 14px; backdrop-filter: blur(8px); }
+  gap: 6px 14px; max-width: none; }
 .words { flex: 1 1 12em; min-width: 0; }
 .caption { font-weight: 600; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .caption:empty { display: none; }
 .figures { color: var(--quiet); font-variant-numeric: tabular-nums; }
-fieldset { display: flex; border: 1px solid var(--rule); border-radius: 7px; padding: 2px; margin: 0; }
+fieldset { display: flex; border-radius: 7px; padding: 2px; margin: 0; }
 label { position: relative; }
 input { position: absolute; inset: 0; opacity: 0; margin: 0; cursor: pointer; }
 label span { display: block; padding: 3px 11px; border-radius: 5px; color: var(--quiet); }
 input:checked + span { background: var(--rule); color: var(--ink); }
 input:focus-visible + span, button:focus-visible { outline: 2px solid var(--accent); outline-offset: 1px; }
-button { font: inherit; color: var(--quiet); background: none; border: 1px solid var(--rule);
-  border-radius: 7px; min-width: 30px; height: 30px; padding: 0 8px; cursor: pointer; }
+button { font: inherit; color: var(--quiet); background: none; border-radius: 7px; min-width: 30px;
+  height: 30px; cursor: pointer; }
 button:hover, label:hover span { color: var(--ink); }
 .spoken { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
 @media (prefers-reduced-motion: reduce) { * { transition: none !important; } }
-@media print { .foot { position: static; } }`;
+`;
 
 const HELP = `Drag or arrow keys: turn · wheel, pinch, + and −: nearer and farther ·
 right button, two fingers or Shift with arrows: move · double click or Home: back to the beginning`;
@@ -58,27 +57,20 @@ const MARKUP = `<style>${STYLE}</style>
 <div class="bar"><div class="words"><div class="caption"></div><div class="figures">…</div></div>
 <fieldset aria-label="Shading">${['smooth', 'flat', 'wire'].map(choice).join('')}</fieldset>
 <div><button class="reset" title="Back to the beginning" aria-label="Back to the beginning">⟲</button>
-<button class="ask" title="Keys and gestures" aria-label="Keys and gestures" aria-expanded="false">?</button></div>
+<button class="ask" aria-label="Keys and gestures" aria-expanded="false">?</button></div>
 </div></div><div class="spoken" role="status"></div>`;
 
 /** Fills a shadow root; returns the parts by name. */
 export function furnish(root) {
   root.innerHTML = MARKUP;
   const part = (selector) => root.querySelector(selector);
-  const parts = {
-    canvas: part('canvas'),
-    progress: part('.progress'),
-    notice: part('.notice'),
-    caption: part('.caption'),
-    figures: part('.figures'),
-    shading: part('fieldset'),
-    reset: part('.reset'),
-    spoken: part('.spoken'),
-  };
+  const names = ['progress', 'notice', 'caption', 'figures', 'reset', 'spoken'];
+  const parts = Object.fromEntries(names.map((name) => [name, part(`.${name}`)]));
+  Object.assign(parts, { canvas: part('canvas'), shading: part('fieldset') });
   const [ask, help] = [part('.ask'), part('.help')];
   ask.addEventListener('click', () => {
     help.hidden = !help.hidden;
-    ask.setAttribute('aria-expanded', String(!help.hidden));
+    ask.setAttribute('aria-expanded', !help.hidden);
   });
   return parts;
 }

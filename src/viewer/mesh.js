@@ -96,11 +96,10 @@ export class Mesh {
   }
 
   enclose(places) {
-    for (let index = 0; index < places.length; ++index) {
-      const axis = index % 3;
-      this.low[axis] = Math.min(this.low[axis], places[index]);
-      this.high[axis] = Math.max(this.high[axis], places[index]);
-    }
+    places.forEach((place, index) => {
+      this.low[index % 3] = Math.min(this.low[index % 3], place);
+      this.high[index % 3] = Math.max(this.high[index % 3], place);
+    });
   }
 
   /** Diagonal of the bounding box, in steps. */
@@ -240,8 +239,8 @@ export class Mesh {
       const y = sums[3 * vertex + 1];
       const z = sums[3 * vertex + 2];
       const scale = 511 / (Math.sqrt(x * x + y * y + z * z) || 1);
-      const [i, j, k] = [Math.round(x * scale), Math.round(y * scale), Math.round(z * scale)];
-      normals[vertex] = (i & 1023) | ((j & 1023) << 10) | ((k & 1023) << 20);
+      const bits = (value) => Math.round(value * scale) & 1023;
+      normals[vertex] = bits(x) | (bits(y) << 10) | (bits(z) << 20);
     }
     for (let vertex = begin; vertex < end; vertex += PAGE_ENTRIES) this.normals.mark(vertex);
   }

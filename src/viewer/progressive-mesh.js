@@ -39,7 +39,13 @@ class ProgressiveMesh extends Element {
   }
 
   connectedCallback() {
-    if (!this.drawing) this.furnish();
+    try {
+      if (!this.drawing) this.furnish();
+    } catch (error) {
+      // Without graphics there is nothing to load.
+      this.fail(error.message);
+      return;
+    }
     this.isDark = globalThis.matchMedia('(prefers-color-scheme: dark)');
     this.isDark.onchange = () => this.dress();
     this.sizes = new ResizeObserver(() => this.invalidate());
@@ -50,8 +56,7 @@ class ProgressiveMesh extends Element {
 
   disconnectedCallback() {
     this.stop();
-    this.sizes.disconnect();
-    this.isDark.onchange = null;
+    this.sizes?.disconnect();
     cancelAnimationFrame(this.request);
     clearTimeout(this.rest);
     this.request = this.rest = 0;
@@ -82,11 +87,7 @@ class ProgressiveMesh extends Element {
       this.drawing.prepare();
       this.invalidate();
     });
-    try {
-      this.drawing = new Drawing(canvas);
-    } catch (error) {
-      this.fail(error.message);
-    }
+    this.drawing = new Drawing(canvas);
   }
 
   /** Takes over what an attribute says. */
@@ -103,7 +104,7 @@ class ProgressiveMesh extends Element {
       // The worker stops at the old limit, so what lies behind it has to be loaded.
       if (before < this.facesMax && this.isCut) this.load();
     } else if (name === 'up') {
-      if (value) this.camera.setUp(value);
+      this.camera.setUp(value || 'y');
     } else if (name === 'shading') {
       this.shading = ['flat', 'wire'].includes(value) ? value : 'smooth';
       this.parts.shading.querySelector(`[value=${this.shading}]`).checked = true;
@@ -154,12 +155,11 @@ class ProgressiveMesh extends Element {
       for (; fed < texts.length - (isWhole ? 0 : 1); ++fed) worker.postMessage(texts[fed].textContent);
       if (!isWhole) return;
       this.arriving.disconnect();
-      document.removeEventListener('DOMContentLoaded', take);
       worker.postMessage(null);
     };
     this.arriving = new MutationObserver(take);
     this.arriving.observe(this, { childList: true });
-    document.addEventListener('DOMContentLoaded', take);
+    document.addEventListener('DOMContentLoaded', take, { once: true });
     take();
   }
 
@@ -184,7 +184,7 @@ class ProgressiveMesh extends Element {
 
   begin() {
     this.mesh = new Mesh(this.header);
-    this.parts.spoken.textContent = 'The shape is shown and is being refined';
+    this.parts.spoken.textContent = 'The shape is shown';
   }
 
   fail(message) {
@@ -206,7 +206,7 @@ class ProgressiveMesh extends Element {
     const { arrived: bytes, header } = this;
     const share = Math.min(1, bytes / header.length);
     this.parts.progress.firstChild.style.transform = `scaleX(${share})`;
-    this.parts.progress.setAttribute('aria-valuenow', String(Math.round(100 * share)));
+    this.parts.progress.setAttribute('aria-valuenow', Math.round(100 * share));
     this.tell('progress', { bytes, length: header.length });
   }
 

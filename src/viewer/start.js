@@ -1,15 +1,6 @@
-// Starts the worker: from its file, or from its text where all of the viewer is one module.
-
-/* global decoder */
+// Starts the worker where the viewer is loaded as the files it is written in. In one module
+// start_from_text.js takes this file's place.
 
 export function startWorker() {
-  // src/viewer/module.rs puts a function of that name in front.
-  if (typeof decoder === 'undefined') {
-    return new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
-  }
-  const text = new Blob([`(${decoder})()`], { type: 'text/javascript' });
-  const url = URL.createObjectURL(text);
-  const worker = new Worker(url);
-  URL.revokeObjectURL(url);
-  return worker;
+  return new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
 }

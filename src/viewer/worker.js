@@ -29,10 +29,11 @@ function serve(scope) {
       const arrays = Object.values(message).filter(ArrayBuffer.isView);
       scope.postMessage(message, arrays.map((array) => array.buffer));
     };
+    let arrived = 0;
     const counted = async function* (chunks) {
-      let arrived = 0;
       for await (const chunk of chunks) {
-        post({ kind: 'arrived', arrived: (arrived += chunk.length) });
+        arrived += chunk.length;
+        post({ kind: 'arrived', arrived });
         yield chunk;
       }
     };
@@ -60,7 +61,7 @@ async function* fetched(url) {
     const headers = arrived > 0 ? { Range: `bytes=${arrived}-`, 'If-Range': version } : {};
     try {
       const answer = await fetch(url, { headers });
-      if (!answer.ok) throw new Fault(`the server answers ${answer.status} ${answer.statusText}`);
+      if (!answer.ok) throw new Fault(`the server answers ${answer.status}`);
       if (arrived > 0 && answer.status !== 206) throw new Fault('the connection broke');
       version = answer.headers.get('ETag') ?? answer.headers.get('Last-Modified');
       const reader = answer.body.getReader();
