@@ -21,7 +21,7 @@ mod words;
 const SOURCE_FOLDERS: &[&str] = &["src", "tests", "examples", "benches", "scripts", "fuzz"];
 
 /// Folders whose contents are made, not written.
-const MADE_FOLDERS: &[&str] = &["target", "corpus", "artifacts", "coverage"];
+const MADE_FOLDERS: &[&str] = &["target", "corpus", "artifacts", "coverage", "node_modules"];
 
 /// A Rust file of the repository.
 struct SourceFile {
@@ -47,6 +47,16 @@ fn rust_files() -> Vec<SourceFile> {
         let views = Views::of(&text);
         SourceFile { path: relative(&path), text, views }
     };
+    paths.into_iter().map(read).collect()
+}
+
+/// Every JavaScript file of ours: the viewer, and its tests.
+fn script_files() -> Vec<(String, String)> {
+    let mut paths = Vec::new();
+    for folder in ["src/viewer", "tests/browser"] {
+        collect(&root().join(folder), "js", &mut paths);
+    }
+    let read = |path: PathBuf| (relative(&path), fs::read_to_string(&path).unwrap());
     paths.into_iter().map(read).collect()
 }
 

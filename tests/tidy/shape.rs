@@ -1,6 +1,6 @@
 //! The shape of files: how long they and their functions are, how they open, what they are called.
 
-use super::{Views, expect_none, rust_files, views::leading_word};
+use super::{Views, expect_none, rust_files, script_files, views::leading_word};
 
 /// A file that outgrows this has a seam in it that wants a name.
 const FILE_LINES_MAX: usize = 500;
@@ -103,6 +103,18 @@ fn a_file_opens_with_what_it_is_for() {
         .iter()
         .filter(|file| !file.text.starts_with("//! "))
         .map(|file| format!("{}: does not begin with `//! `", file.path))
+        .collect();
+    expect_none(&faults);
+}
+
+#[test]
+fn scripts_keep_to_the_same_length_and_say_what_they_are_for() {
+    let files = script_files();
+    assert!(files.iter().any(|(path, _)| path == "src/viewer/decode.js"), "the walk finds them");
+    let faults: Vec<String> = files
+        .iter()
+        .filter(|(_, text)| text.lines().count() > FILE_LINES_MAX || !text.starts_with("// "))
+        .map(|(path, _)| format!("{path}: too long, or does not begin with `// `"))
         .collect();
     expect_none(&faults);
 }
