@@ -13,8 +13,8 @@ const FAST = 0.7;
 const MEMORY = 0.3;
 /** Frames that show what a change has brought before the next one. */
 const SETTLING_FRAMES = 6;
-/** A gap this long is no slow frame: the page was hidden, or a file was opened. */
-const GAP_MS = 2000;
+/** A gap this long is no slow frame: the page was hidden. Software draws millions in seconds. */
+const GAP_MS = 1e4;
 /** How long a count that was too many is not tried again. */
 const CAUTION_MS = 4000;
 /** How long nothing must move before everything is shown. */

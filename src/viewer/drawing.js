@@ -68,7 +68,7 @@ export class Drawing {
     }
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-      throw new Error(`the graphics hardware refuses: ${gl.getProgramInfoLog(program)}`);
+      throw new Error(`WebGL refuses: ${gl.getProgramInfoLog(program)}`);
     }
     gl.useProgram(program);
     this.uniforms = Object.fromEntries(

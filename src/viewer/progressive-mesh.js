@@ -33,6 +33,7 @@ class ProgressiveMesh extends Element {
     /** What is shown, or null before the base has arrived. */
     this.mesh = null;
     this.frameAt = null;
+    this.slow = 0;
     /** The frame that was asked for, and the look at what is at rest; 0 for none. */
     this.request = 0;
     this.rest = 0;
@@ -225,6 +226,8 @@ class ProgressiveMesh extends Element {
   frame(now) {
     this.request = 0;
     const elapsed = this.frameAt === null ? 16 : now - this.frameAt;
+    // Drawing may go on behind our back: after a slow frame, one that seems quick is not.
+    this.slow = Math.max(elapsed, 0.7 * this.slow);
     const { mesh, controller } = this;
     if (mesh) controller.frame(now, mesh.faces);
     const isMoving = this.camera.follow(elapsed);
@@ -232,7 +235,7 @@ class ProgressiveMesh extends Element {
       controller.moved(now);
       this.isStale = true;
     }
-    const isBusy = mesh !== null && this.work(now, elapsed);
+    const isBusy = mesh !== null && this.work(now);
     if (this.isStale) this.draw();
     this.isStale = false;
     this.frameAt = isMoving || isBusy ? now : null;
@@ -253,11 +256,11 @@ class ProgressiveMesh extends Element {
   }
 
   /** Splits and normals of one frame; returns whether some are left. */
-  work(now, elapsed) {
+  work(now) {
     const { mesh, controller } = this;
     const wanted = Math.min(this.facesMax, controller.allowed(now));
     // Where drawing takes long, fewer and larger portions are there sooner.
-    const portion = Math.max(500, PORTION * mesh.vertices * Math.max(1, Math.min(elapsed, 500) / 25));
+    const portion = Math.max(500, PORTION * mesh.vertices * Math.max(1, this.slow / 25));
     if (mesh.approach(wanted, portion) > 0) {
       const { rms, maximum } = mesh.error;
       this.tell('refined', { triangles: mesh.faces, vertices: mesh.vertices, rms, maximum });

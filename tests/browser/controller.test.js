@@ -44,6 +44,13 @@ test('a mesh that is too much is made coarser until the frame rate holds', () =>
   assert.ok(last(frames, 60).every(({ shown }) => shown > 100_000), 'not more than needed');
 });
 
+test('frames of seconds are slow frames, too', () => {
+  const machine = new Machine({ perMs: 700, total: 2_000_000 });
+  const frames = machine.move(30_000);
+  assert.ok(frames.findIndex(({ frameMs }) => frameMs < 100) < 20);
+  assert.ok(last(frames, 60).every(({ frameMs }) => frameMs < 1.5 * (1000 / 30)));
+});
+
 test('a mesh that is no trouble is shown in full all the time', () => {
   const machine = new Machine({ perMs: 1_000_000, total: 2_000_000 });
   assert.ok(machine.move(3000).every(({ shown }) => shown === 2_000_000));
