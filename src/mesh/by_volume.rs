@@ -72,19 +72,19 @@ impl Metric for ByVolume {
 
     #[inline]
     fn prepare(mesh: &mut Mesh<Self>, vertex: u32) {
-        let Mesh { spots, rings, held, unit, .. } = mesh;
-        for wing in rings.of(vertex) {
-            let sums = &mut held[wing.next as usize];
+        let Mesh { spots, rings, held, states, unit, .. } = mesh;
+        for other in looked_at(vertex, rings.of(vertex), states) {
+            let sums = &mut held[other as usize];
             if sums.is_stale() {
-                *sums = fan_sums(spots, wing.next, rings.of(wing.next), *unit, |_, _| {});
+                *sums = fan_sums(spots, other, rings.of(other), *unit, |_, _| {});
             }
         }
     }
 
     fn prepare_all(mesh: &mut Mesh<Self>, vertices: &[u32]) {
-        let Mesh { spots, rings, held, unit, .. } = mesh;
+        let Mesh { spots, rings, held, states, unit, .. } = mesh;
         let stale = |vertex: &u32| {
-            let others = rings.of(*vertex).iter().map(|wing| wing.next);
+            let others = looked_at(*vertex, rings.of(*vertex), states);
             others.filter(|other| held[*other as usize].is_stale())
         };
         let mut around: Vec<u32> = vertices.par_iter().flat_map_iter(stale).collect();
@@ -121,6 +121,15 @@ impl Metric for ByVolume {
 #[inline]
 fn is_mine(vertex: u32, other: u32) -> bool {
     other > vertex || other < block_start(vertex)
+}
+
+/// Neighbours whose sums are looked at for the cheapest collapse of a vertex: none on a boundary.
+#[inline]
+fn looked_at(vertex: u32, ring: &[Wing], states: &[State]) -> impl Iterator<Item = u32> {
+    let is_looked_at = states[vertex as usize] == State::INNER && ring.len() <= FAN_FACES_MAX;
+    let ring = if is_looked_at { ring } else { &[] };
+    let others = ring.iter().map(|wing| wing.next);
+    others.filter(move |other| is_mine(vertex, *other) && states[*other as usize] == State::INNER)
 }
 
 impl Mesh<ByVolume> {

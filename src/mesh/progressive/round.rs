@@ -26,7 +26,7 @@ const FEW: usize = 8;
 const TOGETHER: usize = 1 << 17;
 
 /// Times the cheapest are chosen: costs that are computed anew make others the cheapest.
-const LOOKS: usize = 3;
+const LOOKS: usize = 2;
 
 /// Collapses tried at a vertex before it is left until its ring changes.
 const TRIES_MAX: usize = 3;
