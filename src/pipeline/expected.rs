@@ -8,6 +8,7 @@ use super::{
     Job, Method, Metric, Plan, Simplify, Task, decimation, hybrid,
     machine::Machine,
     plan::{CLUSTER_BYTES_PER_CELL, Sizes},
+    progressive,
     streaming::WINDOW_TRIANGLES,
 };
 use crate::progress::StageId;
@@ -53,6 +54,9 @@ const FINISH_CLUSTERED: Cost = cost(650.0, 0.0);
 /// A triangle summed into its cells, and one of the result made of them.
 const CLUSTER: Cost = cost(20.0, 70.0);
 const ASSEMBLE: Cost = cost(60.0, 0.0);
+/// A triangle that becomes progressive: recorded, and turned round, measured and packed.
+const RECORD: Cost = cost(2200.0, 1600.0);
+const ENCODE: Cost = cost(700.0, 1300.0);
 /// A triangle welded in memory and on disk.
 const WELD: Cost = cost(200.0, 100.0);
 const WELD_ON_DISK: Cost = cost(800.0, 50.0);
@@ -92,6 +96,8 @@ pub(super) fn seconds(
             StageId::Finish => finish(&job.task, wanted),
             StageId::Cluster => (triangles, CLUSTER),
             StageId::Assemble => (wanted, ASSEMBLE),
+            StageId::Record => (wanted, RECORD),
+            StageId::Encode => (wanted, ENCODE),
             StageId::Weld if plan.temporary_bytes == Some(0) => (triangles, WELD),
             StageId::Weld => (triangles, WELD_ON_DISK),
             StageId::Export if job.output_format.is_indexed() => (wanted, WRITE_INDEXED),
@@ -174,6 +180,7 @@ pub(super) fn memory_bytes(job: &Job, plan: &Plan, sizes: Sizes) -> u64 {
         }
         Task::Simplify(simplify) => decimation::expected_bytes(job, simplify, triangles).min(room),
     };
+    let works_in = works_in.max(progressive::expected_bytes(job, plan, sizes));
     let structures = ((table_bytes + works_in) as f64 * SLACK) as u64;
     let buffers = if triangles < FULL_TRIANGLES { 0 } else { BUFFER_BYTES };
     (BASE_BYTES + buffers + structures).min(limit_bytes)

@@ -76,20 +76,35 @@ fn memory_bytes<V: Vertex>(metric: Metric, triangles: u64) -> u64 {
     }
 }
 
+/// Share of [`memory_bytes`] that is in use at a time: measured on 2 M triangles.
+const IN_USE: f64 = 0.55;
+
+/// Bytes of memory that making a mesh progressive takes, about; 0 where none is made.
+pub(super) fn expected_bytes(job: &Job, plan: &Plan, sizes: Sizes) -> u64 {
+    let (most_bytes, _) = needed(job, plan, sizes).unwrap_or_default();
+    (most_bytes as f64 * IN_USE) as u64
+}
+
+/// Bytes of memory for the triangles there will be, as far as they are known, and how many they are.
+fn needed(job: &Job, plan: &Plan, sizes: Sizes) -> Option<(u64, u64)> {
+    let progressive = job.progressive?;
+    let declared = triangles_declared(plan.records, plan.vertices)?;
+    let triangles = declared.min(progressive.triangles_max);
+    let bytes =
+        if sizes.is_colored() { memory_bytes::<ColoredPoint> } else { memory_bytes::<Point> };
+    Some((bytes(progressive.metric, triangles), triangles))
+}
+
 /// Adds what a progressive mesh takes, where that is wanted, to a plan; refuses what cannot fit.
 pub(super) fn plan(job: &Job, sizes: Sizes, plan: &mut Plan) -> Result<()> {
     let Some(progressive) = job.progressive else { return Ok(()) };
-    let Progressive { triangles_max, metric, bits, base_triangles } = progressive;
+    let Progressive { metric, bits, base_triangles, .. } = progressive;
     let what = format!("collapse edges by {} to {base_triangles} triangles", metric.name());
     plan.stage(StageId::Record, what);
     plan.stage(StageId::Encode, format!("turn the collapses round, {bits} bits a coordinate"));
-    let declared = triangles_declared(plan.records, plan.vertices);
-    let triangles = declared.map(|declared| declared.min(triangles_max));
-    plan.output_bytes = triangles.map(|count| count * BYTES_PER_TRIANGLE);
-    let bytes =
-        if sizes.is_colored() { memory_bytes::<ColoredPoint> } else { memory_bytes::<Point> };
-    let (needed_bytes, available_bytes) =
-        (triangles.map_or(0, |count| bytes(metric, count)), job.memory_bytes);
+    let needed = needed(job, plan, sizes);
+    plan.output_bytes = needed.map(|(_, triangles)| triangles * BYTES_PER_TRIANGLE);
+    let (needed_bytes, available_bytes) = (needed.map_or(0, |(bytes, _)| bytes), job.memory_bytes);
     if needed_bytes > available_bytes {
         return Err(Error::Resource { what: stage::PROGRESSIVE, needed_bytes, available_bytes });
     }
