@@ -47,9 +47,10 @@ export class Camera {
     this.goal = { ...goal, x: within(goal.x + x * height), y: within(goal.y + y * height) };
   }
 
-  /** Follows the goal for some milliseconds; returns whether there is a way left to go. */
+  /** Follows the goal for some milliseconds; returns whether it has moved, the last step included. */
   follow(elapsed) {
     const { now, goal } = this;
+    if (now === goal) return false;
     const share = 1 - Math.exp(-Math.min(elapsed, 100) / EASE_MS);
     const between = (from, to) => from + share * (to - from);
     const turn = now.turn.map((value, index) => between(value, goal.turn[index]));
@@ -62,14 +63,13 @@ export class Camera {
     };
     const aparts = now.turn.map((value, index) => value - goal.turn[index]);
     aparts.push(Math.log(ratio), (now.x - goal.x) / now.distance, (now.y - goal.y) / now.distance);
-    if (Math.hypot(...aparts) > 1e-3) return true;
-    this.jump();
-    return false;
+    if (Math.hypot(...aparts) < 1e-3) this.jump();
+    return true;
   }
 
   /** Arrives at once. */
   jump() {
-    this.now = { ...this.goal };
+    this.now = this.goal;
   }
 
   /** Columns of the matrices to the screen, for a model of that middle and radius. */
@@ -107,7 +107,7 @@ function about(axis, angle) {
 
 function multiply(a, b) {
   return Array.from({ length: 9 }, (_, index) => {
-    const [row, column] = [3 * Math.floor(index / 3), index % 3];
+    const [row, column] = [index - (index % 3), index % 3];
     return a[row] * b[column] + a[row + 1] * b[3 + column] + a[row + 2] * b[6 + column];
   });
 }
