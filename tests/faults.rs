@@ -49,6 +49,12 @@ fn makes_faults() -> bool {
     false
 }
 
+/// Runs the command without a fault, and keeps what it makes.
+fn expect(folder: &Folder, line: &str, output: &str) {
+    folder.done(line);
+    fs::rename(folder.path(output), folder.path("expected")).unwrap();
+}
+
 /// Checks how a run with a fault ended, and goes on from what it left; `false` if it was done.
 fn failed_well(folder: &Folder, line: &str, output: &str, ran: &Ran, what: &str) -> bool {
     let expected = folder.read("expected");
@@ -79,8 +85,7 @@ fn whatever_the_disk_refuses_nothing_is_lost() {
     }
     let folder = folder();
     for (line, output) in JOBS {
-        folder.done(line);
-        fs::rename(folder.path(output), folder.path("expected")).unwrap();
+        expect(&folder, line, output);
         for (kind, first, step) in FAULTS {
             let mut n = *first;
             loop {
@@ -103,8 +108,7 @@ fn a_short_write_is_no_fault() {
     }
     let folder = folder();
     let (line, output) = JOBS[0];
-    folder.done(line);
-    fs::rename(folder.path(output), folder.path("expected")).unwrap();
+    expect(&folder, line, output);
     for n in 0..3 {
         let ran = run(&folder, line, &format!("short:{n}"));
         assert!(!failed_well(&folder, line, output, &ran, "short"), "{}", ran.stderr);
@@ -118,8 +122,7 @@ fn a_bit_that_is_wrong_in_a_temporary_file_is_found() {
     }
     let folder = folder();
     for (line, output) in JOBS {
-        folder.done(line);
-        fs::rename(folder.path(output), folder.path("expected")).unwrap();
+        expect(&folder, line, output);
         let mut found = 0;
         for n in (0..40).step_by(2).chain((40..400).step_by(57)) {
             let what = format!("{line}, flip:{n}");

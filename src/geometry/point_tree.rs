@@ -1,18 +1,13 @@
-//! Points in the order of a Morton curve with boxes around runs of them: what is near a place is
-//! found by walking down the boxes. Made once, in one array a level; it never changes.
+//! Points in the order of a Morton curve with boxes around runs of them: which is the nearest. Made
+//! once; it never changes.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{
     Bounds,
     bounds::reach_sq,
-    morton::{WIDE_BITS, spread_wide},
+    box_tree::{BoxTree, FANOUT, order_along_curve},
 };
-
-/// Points of a leaf, and children of a node: their boxes fill three vector registers a side.
-/// Chosen by hand.
-pub const FANOUT: usize = 8;
 
 /// Points, and boxes around them.
 pub struct PointTree {
@@ -20,8 +15,7 @@ pub struct PointTree {
     points: Vec<[f64; 3]>,
     /// Of each point, its index in what the tree was made of.
     order: Vec<u32>,
-    /// Boxes around each [`FANOUT`] points, then around each so many boxes, up to a single one.
-    levels: Vec<Vec<Bounds>>,
+    boxes: BoxTree,
 }
 
 /// A point found.
@@ -40,21 +34,18 @@ impl PointTree {
     /// A tree of fewer than 2³² finite points.
     #[must_use]
     pub fn new(points: &[[f64; 3]]) -> Self {
-        let mut keys = keys_along_curve(points);
-        keys.par_sort_unstable();
-        let order: Vec<u32> = keys.into_iter().map(|(_, index)| index).collect();
+        let at = |point: &[f64; 3]| DVec3::from_array(*point);
+        let (low, high) = points.iter().map(at).fold(
+            (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)),
+            |(low, high), point| (low.min(point), high.max(point)),
+        );
+        let order = order_along_curve(points, [low, high], at);
         let points: Vec<_> = order.iter().map(|index| points[*index as usize]).collect();
-        let around = |run: &[[f64; 3]]| {
+        let boxes = BoxTree::new(&points, |run| {
             let boxes = run.iter().map(|point| Bounds::around(*point));
             boxes.reduce(|one, other| one.union(&other)).unwrap_or_default()
-        };
-        let mut levels = vec![points.par_chunks(FANOUT).map(around).collect::<Vec<_>>()];
-        while let Some(last) = levels.last().filter(|last| last.len() > 1) {
-            let union = |run: &[Bounds]| run.iter().fold(Bounds::default(), Bounds::union);
-            let next = last.chunks(FANOUT).map(union).collect();
-            levels.push(next);
-        }
-        Self { points, order, levels }
+        });
+        Self { points, order, boxes }
     }
 
     /// The points along the curve.
@@ -73,104 +64,34 @@ impl PointTree {
     /// `i` times [`FANOUT`] on, or points below the leaves.
     #[must_use]
     pub fn levels(&self) -> &[Vec<Bounds>] {
-        &self.levels
+        &self.boxes.levels
     }
 
     /// Length of the diagonal of the box around all points.
     #[must_use]
     pub fn diagonal(&self) -> f64 {
-        self.levels.last().and_then(|top| top.first()).map_or(0.0, Bounds::diagonal)
+        self.boxes.levels.last().and_then(|top| top.first()).map_or(0.0, Bounds::diagonal)
     }
 
     /// The point nearest to `point`. `hint` is the place of one that may be near, such as what was
     /// found for the point before; the nearer, the shorter the search. The tree is not empty.
     #[must_use]
     pub fn nearest(&self, point: [f64; 3], hint: usize) -> Found {
-        let mut search = Search {
-            tree: self,
-            point: DVec3::from_array(point),
-            around: Bounds::around(point),
-            best: Found { place: hint, distance_sq: f64::INFINITY },
-            reach_sq: f32::INFINITY,
-        };
-        let leaf = hint / FANOUT;
-        search.look_at(leaf);
-        search.descend(self.levels.len() - 1, 0);
-        search.best
-    }
-}
-
-/// A search for the nearest point.
-struct Search<'a> {
-    tree: &'a PointTree,
-    point: DVec3,
-    around: Bounds,
-    best: Found,
-    reach_sq: f32,
-}
-
-impl Search<'_> {
-    /// Looks at the points of a leaf.
-    fn look_at(&mut self, leaf: usize) {
-        let first = leaf * FANOUT;
-        let end = (first + FANOUT).min(self.tree.points.len());
-        for (place, point) in (first..end).zip(&self.tree.points[first..end]) {
-            let distance_sq = DVec3::from_array(*point).distance_squared(self.point);
-            if distance_sq < self.best.distance_sq {
-                self.best = Found { place, distance_sq };
-                self.reach_sq = reach_sq(distance_sq);
-            }
-        }
-    }
-
-    /// Looks at what is in reach of a node's children, the nearest first.
-    fn descend(&mut self, level: usize, node: usize) {
-        if level == 0 {
-            return self.look_at(node);
-        }
-        let below = &self.tree.levels[level - 1];
-        let first = node * FANOUT;
-        let children = &below[first..(first + FANOUT).min(below.len())];
-        let mut gaps = [f32::INFINITY; FANOUT];
-        for (gap, child) in gaps.iter_mut().zip(children) {
-            *gap = child.gap_sq(&self.around);
-        }
-        let mut left = (1_u32 << children.len()) - 1;
-        while left != 0 {
-            let mut next = left.trailing_zeros() as usize;
-            for child in next + 1..children.len() {
-                if left >> child & 1 == 1 && gaps[child] < gaps[next] {
-                    next = child;
+        let at = DVec3::from_array(point);
+        let mut best = Found { place: hint, distance_sq: f64::INFINITY };
+        self.boxes.search(Bounds::around(point), hint / FANOUT, |leaf| {
+            let first = leaf * FANOUT;
+            let end = (first + FANOUT).min(self.points.len());
+            for (place, point) in (first..end).zip(&self.points[first..end]) {
+                let distance_sq = DVec3::from_array(*point).distance_squared(at);
+                if distance_sq < best.distance_sq {
+                    best = Found { place, distance_sq };
                 }
             }
-            // None of those that are left is nearer.
-            if gaps[next] > self.reach_sq {
-                return;
-            }
-            left &= !(1 << next);
-            self.descend(level - 1, first + next);
-        }
+            reach_sq(best.distance_sq)
+        });
+        best
     }
-}
-
-/// Each point's place along the curve through their box, and its index.
-fn keys_along_curve(points: &[[f64; 3]]) -> Vec<(u64, u32)> {
-    let (low, high) = points.iter().fold(
-        (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)),
-        |(low, high), point| {
-            let point = DVec3::from_array(*point);
-            (low.min(point), high.max(point))
-        },
-    );
-    let cells = (1_u64 << WIDE_BITS) as f64;
-    let longest = (high - low).max_element();
-    let scale = if longest > 0.0 { (cells - 1.0) / longest } else { 0.0 };
-    let key = |(index, point): (usize, &[f64; 3])| {
-        let at = (DVec3::from_array(*point) - low) * scale;
-        let [x, y, z] = at.to_array().map(|cell| spread_wide(cell as u64));
-        (x | y << 1 | z << 2, index as u32)
-    };
-    points.par_iter().enumerate().map(key).collect()
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use super::{Due, RecordFile, Workspace};
-use crate::error::Result;
+use super::{Budget, Due, RecordFile, Reservation, Workspace};
+use crate::error::{Error, Result};
 
 /// The end of the stream.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ impl<F: Serialize + DeserializeOwned> SlabFiles<F> {
     /// What a run before this one has left.
     ///
     /// # Errors
-    /// [`crate::Error::Damaged`] when a file is not as it was noted.
+    /// [`Error::Damaged`] when a file is not as it was noted.
     pub fn recall(lineage: Lineage, workspace: &Workspace) -> Result<Self> {
         let mut found = Self { lineage, pieces: BTreeMap::new(), end: None };
         let Some(recalled) = workspace.recall::<Noted<(PieceName, F)>>(lineage.step) else {
@@ -73,9 +73,25 @@ impl<F: Serialize + DeserializeOwned> SlabFiles<F> {
         highest.is_some_and(|highest| (0..=highest).any(|l| self.pieces.contains_key(&name(l))))
     }
 
-    /// All of them, by level, in the order of the stream.
-    pub fn iter(&self) -> impl Iterator<Item = (PieceName, &F, &RecordFile<u32>)> {
-        self.pieces.iter().map(|(name, (figures, file))| (*name, figures, file))
+    /// Reads all of them, by level, in the order of the stream: `piece` makes one of what was noted of
+    /// it and its file, in memory of the budget.
+    ///
+    /// # Errors
+    /// [`Error::Resource`], naming `what`, when a file does not fit the budget;
+    /// [`Error::Damaged`] when it is not as it was written.
+    pub fn load<P>(
+        &self,
+        what: &'static str,
+        budget: &Budget,
+        piece: impl Fn(PieceName, &F, &[u32], Reservation) -> P,
+    ) -> Result<Vec<P>> {
+        let load = |(name, (figures, file)): (&PieceName, &(F, RecordFile<u32>))| {
+            let (needed_bytes, available_bytes) = (file.size_bytes(), budget.available_bytes());
+            let refused = Error::Resource { what, needed_bytes, available_bytes };
+            let room = budget.reserve(needed_bytes).ok_or(refused)?;
+            Ok(piece(*name, figures, &file.read_all()?, room))
+        };
+        self.pieces.iter().map(load).collect()
     }
 
     /// Has those of `pieces` written that are not in a file, and notes all that are.

@@ -34,18 +34,7 @@ fn octahedron_with(split: Split) -> Vec<u8> {
     let sides = [[1, 2], [2, 3], [3, 4], [4, 1]];
     let faces = sides.iter().flat_map(|&[a, b]| [[0, a, b], [5, b, a]]).collect();
     let base = Base { positions, faces, ..Base::default() };
-    let header = Header {
-        channels: Channels::None,
-        length: 0,
-        vertices: 0,
-        faces: 0,
-        base_vertices: 0,
-        base_faces: 0,
-        batches: 0,
-        bits: 4,
-        origin: [0.0; 3],
-        step: 1.0,
-    };
+    let header = Header::of_grid(Channels::None, 4, [0.0; 3], 1.0);
     let base = pack_base(&base, 4, Channels::None).unwrap();
     let batch = pack_batch(&[split], 4, Channels::None);
     let blocks = [(base, Deviation { rms: 1.0, max: 2.0 }), (batch, Deviation::default())];

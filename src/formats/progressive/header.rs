@@ -91,6 +91,25 @@ struct RawHeader {
 }
 
 impl Header {
+    /// A header of positions on such a grid; counts and length are for [`super::write`] to fill in.
+    #[must_use]
+    pub fn of_grid(channels: Channels, bits: u32, origin: [f64; 3], step: f64) -> Self {
+        let (length, vertices, faces) = (0, 0, 0);
+        let (base_vertices, base_faces, batches) = (0, 0, 0);
+        Self {
+            channels,
+            length,
+            vertices,
+            faces,
+            base_vertices,
+            base_faces,
+            batches,
+            bits,
+            origin,
+            step,
+        }
+    }
+
     pub(super) fn encode(&self) -> [u8; HEADER_BYTES] {
         let mut raw = RawHeader {
             magic: MAGIC,

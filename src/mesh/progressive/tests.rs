@@ -12,18 +12,7 @@ type Face = [u32; 3];
 
 /// A header of so many bits.
 fn header(bits: u32) -> Header {
-    Header {
-        channels: Channels::Rgba,
-        length: 0,
-        vertices: 0,
-        faces: 0,
-        base_vertices: 0,
-        base_faces: 0,
-        batches: 0,
-        bits,
-        origin: [0.0; 3],
-        step: 1.0,
-    }
+    Header::of_grid(Channels::Rgba, bits, [0.0; 3], 1.0)
 }
 
 /// A surface on whole numbers, with colours that tell vertices apart.

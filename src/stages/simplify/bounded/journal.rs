@@ -42,18 +42,6 @@ pub(super) fn recall(workspace: &Workspace) -> Result<Saved> {
     Saved::recall(LINEAGE, workspace)
 }
 
-/// Reads all pieces; `room` finds the memory for so many bytes.
-pub(super) fn load(
-    saved: &Saved,
-    mut room: impl FnMut(u64) -> Result<Reservation>,
-) -> Result<Vec<Piece>> {
-    let mut load = |(name, figures, file): (PieceName, &PieceFigures, &RecordFile<u32>)| {
-        let room = room(file.size_bytes())?;
-        Ok(figures.piece(name, &file.read_all()?, room))
-    };
-    saved.iter().map(&mut load).collect()
-}
-
 /// Writes those of `pieces` that are not in a file, and notes all that are.
 pub(super) fn save<'p>(
     saved: &mut Saved,
@@ -86,7 +74,7 @@ impl PieceFigures {
         }
     }
 
-    fn piece(&self, name: PieceName, mut words: &[u32], room: Reservation) -> Piece {
+    pub(super) fn piece(&self, name: PieceName, mut words: &[u32], room: Reservation) -> Piece {
         let open = Patch::of_words(&mut words, &self.open);
         let finished = self.finished.iter().map(|f| Patch::of_words(&mut words, f)).collect();
         let border = Border {

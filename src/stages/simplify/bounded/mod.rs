@@ -183,13 +183,8 @@ impl<'a, V: Vertex> Work<'a, V> {
     fn new(config: &'a Config, meter: &'a Meter<'a>, workspace: &'a Workspace) -> Result<Self> {
         let budget = workspace.budget();
         let saved = journal::recall(workspace)?;
-        let pieces = journal::load(&saved, |bytes| {
-            budget.reserve(bytes).ok_or_else(|| Error::Resource {
-                what: RESULT,
-                needed_bytes: bytes,
-                available_bytes: budget.available_bytes(),
-            })
-        })?;
+        let pieces = saved
+            .load(RESULT, budget, |name, figures, words, room| figures.piece(name, words, room))?;
         Ok(Self {
             config,
             meter,

@@ -40,18 +40,6 @@ pub(super) fn recall(workspace: &Workspace) -> Result<Saved> {
     Saved::recall(LINEAGE, workspace)
 }
 
-/// Reads all pieces; `room` finds the memory for so many bytes.
-pub(super) fn load<M: Metric>(
-    saved: &Saved,
-    mut room: impl FnMut(u64) -> Result<Reservation>,
-) -> Result<Vec<Piece<M>>> {
-    let mut load = |(name, figures, file): (PieceName, &PieceFigures, &RecordFile<u32>)| {
-        let room = room(file.size_bytes())?;
-        Ok(figures.piece(name, &file.read_all()?, room))
-    };
-    saved.iter().map(&mut load).collect()
-}
-
 /// Writes those of `pieces` that are not in a file, and notes all that are.
 pub(super) fn save<'p, M: Metric>(
     saved: &mut Saved,
@@ -88,7 +76,7 @@ impl PieceFigures {
         }
     }
 
-    fn piece<M: Metric>(
+    pub(super) fn piece<M: Metric>(
         &self,
         (level, index): PieceName,
         mut words: &[u32],

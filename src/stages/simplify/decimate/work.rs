@@ -61,13 +61,8 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
     ) -> Result<Self> {
         let budget = workspace.budget();
         let saved = journal::recall(workspace)?;
-        let pieces = journal::load(&saved, |bytes| {
-            budget.reserve(bytes).ok_or_else(|| Error::Resource {
-                what: REST,
-                needed_bytes: bytes,
-                available_bytes: budget.available_bytes(),
-            })
-        })?;
+        let pieces = saved
+            .load(REST, budget, |name, figures, words, room| figures.piece(name, words, room))?;
         let work = Self {
             config,
             meter,

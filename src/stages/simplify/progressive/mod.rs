@@ -99,19 +99,8 @@ pub fn encode<V: Vertex, M: Metric>(
         return Err(Error::Request("no triangle is left to be made progressive".to_owned()));
     }
     let mut course = Course::of(&vertices, &faces);
-    let channels = channels(&vertices);
-    let header = Header {
-        channels,
-        bits: config.bits,
-        origin: std::array::from_fn(|axis| origin[axis] + min[axis]),
-        step,
-        length: 0,
-        vertices: 0,
-        faces: 0,
-        base_vertices: 0,
-        base_faces: 0,
-        batches: 0,
-    };
+    let origin = std::array::from_fn(|axis| origin[axis] + min[axis]);
+    let header = Header::of_grid(channels(&vertices), config.bits, origin, step);
     let meter = monitor.meter(StageId::Record, Some(triangles));
     let mesh = Mesh::<M>::of_scanned(&vertices, faces);
     drop(vertices);
