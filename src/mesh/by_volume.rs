@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::{
     Mesh, Patch, State,
     metric::{Candidate, Memory, Metric},
+    pieces::pieces,
     ring::Wing,
     surface::{NONE, Spot, UNKNOWN},
     sweep::block_start,
@@ -83,18 +84,14 @@ impl Metric for ByVolume {
 
     fn prepare_all(mesh: &mut Mesh<Self>, vertices: &[u32]) {
         let Mesh { spots, rings, held, states, unit, .. } = mesh;
-        let stale = |vertex: &u32| {
-            let others = looked_at(*vertex, rings.of(*vertex), states);
-            others.filter(|other| held[*other as usize].is_stale())
-        };
-        let mut around: Vec<u32> = vertices.par_iter().flat_map_iter(stale).collect();
-        around.par_sort_unstable();
-        around.dedup();
-        let sums = |vertex: &u32| fan_sums(spots, *vertex, rings.of(*vertex), *unit, |_, _| {});
-        let sums: Vec<Sums> = around.par_iter().map(sums).collect();
-        for (vertex, sums) in around.into_iter().zip(sums) {
-            held[vertex as usize] = sums;
-        }
+        pieces(vertices, held).into_par_iter().for_each(|piece| {
+            for &vertex in piece.vertices {
+                let sums = &mut piece.values[(vertex - piece.first) as usize];
+                if sums.is_stale() && states[vertex as usize] == State::INNER {
+                    *sums = fan_sums(spots, vertex, rings.of(vertex), *unit, |_, _| {});
+                }
+            }
+        });
     }
 
     #[inline]

@@ -61,8 +61,8 @@ pub trait Metric: Memory {
     fn pass_on(quadric: &VertexQuadric) -> Self::Carried;
     /// Computes what [`Self::cheapest`] of a vertex will look at.
     fn prepare(mesh: &mut Mesh<Self>, vertex: u32);
-    /// Computes what [`Self::cheapest`] of many vertices will look at; on all threads, where it is
-    /// worth it.
+    /// Computes what [`Self::cheapest`] of any of these vertices will look at, which ascend and are
+    /// all that are left; on all threads, where it is worth it.
     fn prepare_all(mesh: &mut Mesh<Self>, vertices: &[u32]) {
         for vertex in vertices {
             Self::prepare(mesh, *vertex);

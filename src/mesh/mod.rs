@@ -17,6 +17,7 @@ mod indexed;
 mod metric;
 mod patch;
 mod patch_words;
+mod pieces;
 mod place;
 mod position_index;
 pub mod progressive;

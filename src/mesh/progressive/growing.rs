@@ -102,16 +102,17 @@ impl Growing {
     /// the neighbours `apexes` of `parent`; `None` where there is no such split. Without the first,
     /// it is at the beginning of an open fan, without the second, at the end.
     pub(super) fn sector(
-        &mut self,
+        &self,
         parent: u32,
         apexes: [Option<u32>; 2],
+        walked: &mut Vec<u32>,
     ) -> Option<(Kind, u32, u32)> {
-        let fan = self.half_edges.walk(parent)?;
+        let fan = self.half_edges.walk(parent, walked)?;
         let place = |vertex: u32| {
-            let place = self.half_edges.neighbours(fan).position(|found| found == vertex);
+            let place = self.half_edges.neighbours(fan, walked).position(|found| found == vertex);
             place.map(|place| place as u32)
         };
-        let count = self.half_edges.neighbours(fan).count() as u32;
+        let count = self.half_edges.neighbours(fan, walked).count() as u32;
         let is_open = fan == super::half_edges::Fan::Open;
         match apexes {
             [Some(from), Some(to)] => {

@@ -108,28 +108,28 @@ impl HalfEdges {
     /// Lists the half-edges that go out of a vertex, in the order of its fan; `None` where its faces
     /// are not one fan, or too many.
     #[inline]
-    pub(super) fn walk(&mut self, vertex: u32) -> Option<Fan> {
-        self.fan.clear();
+    pub(super) fn walk(&self, vertex: u32, fan: &mut Vec<u32>) -> Option<Fan> {
+        fan.clear();
         let first = self.first[vertex as usize];
         let mut h = first;
         while h != NONE {
-            if self.fan.len() == FAN_FACES_MAX {
+            if fan.len() == FAN_FACES_MAX {
                 return None;
             }
-            self.fan.push(h);
+            fan.push(h);
             h = self.twins[prev(h) as usize];
             if h == first {
                 return Some(Fan::Closed);
             }
         }
-        (!self.fan.is_empty()).then_some(Fan::Open)
+        (!fan.is_empty()).then_some(Fan::Open)
     }
 
-    /// Of the fan that was walked last, where it leads to: one more neighbour than faces if it is
+    /// Where the fan leads to whose half-edges were listed: one more neighbour than faces if it is
     /// open.
-    pub(super) fn neighbours(&self, fan: Fan) -> impl Iterator<Item = u32> {
-        let last = self.fan.last().filter(|_| fan == Fan::Open).map(|h| prev(*h));
-        let ends = self.fan.iter().map(|h| next(*h)).chain(last);
+    pub(super) fn neighbours(&self, kind: Fan, fan: &[u32]) -> impl Iterator<Item = u32> {
+        let last = fan.last().filter(|_| kind == Fan::Open).map(|h| prev(*h));
+        let ends = fan.iter().map(|h| next(*h)).chain(last);
         ends.map(|h| self.origins[h as usize])
     }
 
@@ -144,7 +144,10 @@ impl HalfEdges {
             let (index, vertices) = (parent.into(), self.first.len() as u64);
             return Err(Fault::IndexOutOfRange { index, vertices });
         }
-        let Some(fan) = self.walk(parent) else {
+        let mut walked = std::mem::take(&mut self.fan);
+        let fan = self.walk(parent, &mut walked);
+        self.fan = walked;
+        let Some(fan) = fan else {
             let expected = "a vertex with one fan of faces";
             return Err(Fault::Syntax { expected, found: format!("vertex {parent}") });
         };

@@ -1,5 +1,7 @@
 //! A recording turned round: the base, and splits in batches, as they are stored.
 
+use rayon::prelude::*;
+
 use super::{
     Growing, Recording,
     growing::guess,
@@ -9,6 +11,9 @@ use crate::{
     formats::progressive::{BATCH_SPLITS_MAX, Base, Deviation, Header, Split},
     progress::{Cancelled, Meter},
 };
+
+/// Splits that one thread works out one after the other.
+const PIECE: usize = 1 << 8;
 
 /// What a recording became.
 pub struct Turned {
@@ -88,39 +93,49 @@ impl Turn {
 
     /// The splits that undo some collapses, given behind the numbers of their parents, and does them.
     fn batch(&mut self, part: &[(u32, u32)], growing: &mut Growing) -> Vec<Split> {
-        let mut splits = Vec::with_capacity(part.len());
-        for &(parent, index) in part {
-            let Collapse { removed, kept, apexes, places: [before, after] } =
-                self.recording.collapses[index as usize];
-            let number = |apex: Option<u32>| apex.map(|apex| self.number(apex));
-            let sector = growing.sector(parent, apexes.map(number));
-            let (kind, first, taken) = sector.expect("a collapse that was done can be undone");
-            let difference = |from: [u32; 3], to: [u32; 3]| {
-                std::array::from_fn(|axis| to[axis].wrapping_sub(from[axis]) as i32)
-            };
-            let new = self.recording.positions[removed as usize];
-            let mut split = Split {
-                parent,
-                kind,
-                first,
-                taken,
-                step: difference(after, before),
-                rest: difference(guess(after, before), new),
-                ..Split::default()
-            };
-            if let Some(colors) = self.recording.colors.get(index as usize) {
-                add_colors(&mut split, colors);
-            }
-            debug_assert_eq!(
-                growing.positions()[self.number(kept) as usize],
-                after,
-                "as it was left"
-            );
+        // They leave each other alone: what one needs is the same before the others and after them.
+        let found = part.par_iter().with_min_len(PIECE).map_init(Vec::new, |walked, &one| {
+            let split = self.split(one, growing, walked);
+            split.expect("a collapse that was done can be undone")
+        });
+        let splits: Vec<Split> = found.collect();
+        for (split, &(_, index)) in splits.iter().zip(part) {
+            let removed = self.recording.collapses[index as usize].removed;
             self.numbers[removed as usize] = growing.positions().len() as u32;
-            growing.split(&split).expect("what was found in a fan is there");
-            splits.push(split);
+            growing.split(split).expect("what was found in a fan is there");
         }
         splits
+    }
+
+    /// The split that undoes a collapse, given behind the number of its parent.
+    fn split(
+        &self,
+        (parent, index): (u32, u32),
+        growing: &Growing,
+        walked: &mut Vec<u32>,
+    ) -> Option<Split> {
+        let Collapse { removed, apexes, places: [before, after], .. } =
+            self.recording.collapses[index as usize];
+        debug_assert_eq!(growing.positions()[parent as usize], after, "as it was left");
+        let number = |apex: Option<u32>| apex.map(|apex| self.number(apex));
+        let (kind, first, taken) = growing.sector(parent, apexes.map(number), walked)?;
+        let difference = |from: [u32; 3], to: [u32; 3]| {
+            std::array::from_fn(|axis| to[axis].wrapping_sub(from[axis]) as i32)
+        };
+        let new = self.recording.positions[removed as usize];
+        let mut split = Split {
+            parent,
+            kind,
+            first,
+            taken,
+            step: difference(after, before),
+            rest: difference(guess(after, before), new),
+            ..Split::default()
+        };
+        if let Some(colors) = self.recording.colors.get(index as usize) {
+            add_colors(&mut split, colors);
+        }
+        Some(split)
     }
 }
 

@@ -17,7 +17,7 @@ const POINTS: usize = 12_000;
 const VERTICES: usize = 6_000;
 /// Meshes are measured when they have this share of the faces more than the last one: each halving
 /// of the faces, from this share of the finest on.
-const LAST_SHARE: f64 = 0.7;
+const LAST_SHARE: f64 = 0.5;
 /// Points that one thread looks up one after the other: they are near each other.
 const POINTS_PER_CHUNK: usize = 1 << 10;
 
