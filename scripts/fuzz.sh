@@ -7,7 +7,8 @@ usage() {
     cat <<'END'
 usage: scripts/fuzz.sh [SECONDS] [TARGET...]
 
-  SECONDS  how long each target runs (default 10; 0: only build)
+  SECONDS  how long each target runs (default 10; 0: only build); below 30 the targets are built
+           in less time and run slower
   TARGET   stl, ply, obj, off, soup, progressive, manifest, any (default: all)
 
 Needs a nightly toolchain and cargo-fuzz (cargo install cargo-fuzz --locked); says so and does
@@ -23,6 +24,8 @@ seed_bytes_max=60000
 # window, which a frame may ask for, is 128 MiB.
 memory_mib_max=1024
 allocation_mib_max=256
+# Runs of less than this many seconds are built in less time, and slower.
+short_seconds=30
 # No target reaches unsafe code of ours, so that the address sanitizer would find nothing, and
 # costs two thirds of the executions.
 sanitizer=(--sanitizer none)
@@ -41,6 +44,9 @@ fi
 [ $# -eq 0 ] || shift
 targets=("$@")
 [ $# -gt 0 ] || targets=(stl ply obj off soup progressive manifest any)
+
+how=("${sanitizer[@]}")
+[ "$seconds" -ge "$short_seconds" ] || how+=(--dev)
 
 if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
     echo "fuzz: skipped: no nightly toolchain or no cargo-fuzz (cargo install cargo-fuzz --locked)" >&2
@@ -82,7 +88,7 @@ trap 'rm -f "$log"' EXIT
 [ -n "${MESHMILL_SHARED:-}" ] ||
     echo "fuzz: MESHMILL_SHARED is not set: starting without seeds" >&2
 echo "fuzz: building ${targets[*]}"
-cargo +nightly fuzz build "${sanitizer[@]}" >"$log" 2>&1 || {
+cargo +nightly fuzz build "${how[@]}" >"$log" 2>&1 || {
     cat "$log" >&2
     exit 1
 }
@@ -90,7 +96,7 @@ cargo +nightly fuzz build "${sanitizer[@]}" >"$log" 2>&1 || {
 
 for target in "${targets[@]}"; do
     seed "$target"
-    if ! cargo +nightly fuzz run "${sanitizer[@]}" "$target" -- -max_total_time="$seconds" -timeout=10 \
+    if ! cargo +nightly fuzz run "${how[@]}" "$target" -- -max_total_time="$seconds" -timeout=10 \
         -rss_limit_mb="$memory_mib_max" -malloc_limit_mb="$allocation_mib_max" \
         -print_final_stats=1 >"$log" 2>&1; then
         sed -n '/panicked at/,/^stack backtrace/p; /^==.*ERROR/p; /^SUMMARY:/p; /cargo fuzz run/p; /^error/,$p' "$log" >&2

@@ -8,6 +8,7 @@ mod round;
 #[cfg(test)]
 mod tests;
 mod turn;
+mod walk;
 
 pub use growing::Growing;
 pub use half_edges::{FAN_FACES_MAX, HalfEdges};

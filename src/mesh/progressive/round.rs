@@ -95,9 +95,9 @@ impl<M: Metric> Round<M> {
     /// once the old cost is among the cheapest. Returns whether there is any left.
     fn rank_candidates(&mut self, faces: usize) -> bool {
         let Self { mesh, left, last, order, .. } = self;
-        let still = left.par_chunks(PIECE).flat_map_iter(|some| {
-            some.iter().copied().filter(|vertex| mesh.is_removable(*vertex))
-        });
+        let still = left
+            .par_chunks(PIECE)
+            .flat_map_iter(|some| some.iter().copied().filter(|vertex| mesh.is_removable(*vertex)));
         *left = still.collect();
         M::prepare_all(mesh, left);
         look_at(mesh, left, last, |last| !last.is_finite());
@@ -147,8 +147,7 @@ impl<M: Metric> Round<M> {
     ) {
         let limit = candidates.iter().map(|(bits, _)| f32::from_bits(*bits)).fold(0.0, f32::max);
         let found = candidates.par_iter().with_min_len(PIECE);
-        let found: Vec<_> =
-            found.map(|(_, vertex)| self.best(*vertex, limit.next_up())).collect();
+        let found: Vec<_> = found.map(|(_, vertex)| self.best(*vertex, limit.next_up())).collect();
         for (&(_, vertex), best) in candidates.iter().zip(found) {
             if self.mesh.faces_left <= faces {
                 break;

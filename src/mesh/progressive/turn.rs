@@ -6,6 +6,7 @@ use super::{
     Growing, Recording,
     growing::guess,
     record::{Collapse, Colors},
+    walk::walk,
 };
 use crate::{
     formats::progressive::{BATCH_SPLITS_MAX, Base, Deviation, Header, Split},
@@ -73,10 +74,10 @@ impl Turn {
         self.numbers[vertex as usize]
     }
 
-    /// What was left, its vertices in the order of the faces.
+    /// What was left, its faces beside each other and its vertices in the order of the faces.
     fn base(&mut self) -> Base {
         let mut base = Base { deviation: Deviation::default(), ..Base::default() };
-        for face in &self.recording.faces {
+        for face in walk(&self.recording.faces) {
             let corners = face.map(|vertex| {
                 let number = &mut self.numbers[vertex as usize];
                 if *number == u32::MAX {
