@@ -8,6 +8,7 @@ FOLDER has `real/` and `big/`. Prints markdown for docs/MEASUREMENTS.md:
  - bytes a triangle at 14 bits beside Draco (DracoPy) and meshoptimizer (its Python package, deflated
    as a server would), which hold the same positions and triangles at full resolution only; left out
    where the packages are missing;
+ - where the bytes go: each column of the batches, deflated alone;
  - triangles a second, medians of N runs: of the whole command, and by processor time;
  - what is drawn from 1, 5 and 20 % of the file, its RMS error beside that of `meshmill simplify` to
    the same count, both measured by `meshmill compare`, the greater of both ways.
@@ -20,6 +21,7 @@ import json
 import pathlib
 import resource
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
@@ -34,6 +36,10 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BITS = 14
 SHARES = [1, 5, 20]
 DRACO_LEVEL = 10
+
+# docs/FORMATS.md: the header, and the head of each block.
+HEADER_BYTES, HEAD_BYTES = 128, 32
+COLUMNS = ["parents", "kinds and sectors", "places of parents", "places of new vertices", "colours"]
 
 
 def meshmill_path():
@@ -135,6 +141,34 @@ def sizes(bench, name, mesh, file, report):
     return " | ".join(row) + " |"
 
 
+def skip_numbers(payload, at, count):
+    """The end of `count` numbers in groups of seven bits."""
+    while count:
+        count -= payload[at] < 0x80
+        at += 1
+    return at
+
+
+def columns(name, file, triangles):
+    """A row: bytes a triangle of each column, deflated alone, of all batches."""
+    data, at, sums = file.read_bytes(), HEADER_BYTES, [0] * len(COLUMNS)
+    wide = 3 * -(-BITS // 8)
+    for block in range(sys.maxsize):
+        if at == len(data):
+            break
+        length, _, splits = struct.unpack_from("<III", data, at)
+        payload = zlib.decompress(data[at + HEAD_BYTES :][:length], -zlib.MAX_WBITS)
+        at += HEAD_BYTES + length
+        if block == 0:
+            continue
+        parents = skip_numbers(payload, 0, splits)
+        sectors = skip_numbers(payload, parents, 2 * splits)
+        ends = [0, parents, sectors, sectors + wide * splits, sectors + 2 * wide * splits]
+        for column, (begin, end) in enumerate(zip(ends, [*ends[1:], len(payload)])):
+            sums[column] += len(zlib.compress(payload[begin:end], 9)) if end > begin else 0
+    return " | ".join([f"| {name}", *(f"{count / triangles:.2f}" for count in sums)]) + " |"
+
+
 def beginnings(bench, name, mesh, file, base_bytes):
     data, rows = file.read_bytes(), []
     for share in SHARES:
@@ -169,11 +203,12 @@ def main():
             ("dragon_vrip_res2", args.folder / "real/dragon_vrip_res2.ply"),
             ("bunnyct to 2 M", large),
         ]
-        size_rows, rate_rows, beginning_rows = [], [], []
+        size_rows, column_rows, rate_rows, beginning_rows = [], [], [], []
         for name, mesh in meshes:
             file, report, seconds, processor = bench.progressive(mesh, args.rounds)
             triangles = report["output"]["triangles"]
             size_rows.append(sizes(bench, name, mesh, file, report))
+            column_rows.append(columns(name, file, triangles))
             rate_rows.append(
                 f"| {name} | {triangles / seconds / 1e3:.0f} k | {triangles / processor / 1e3:.0f} k "
                 f"| {report['peak_memory_bytes'] / triangles:.0f} |"
@@ -182,6 +217,8 @@ def main():
             beginning_rows += beginnings(bench, name, mesh, file, base_bytes)
         print("| mesh | triangles | bytes a triangle | base, of the file | Draco | meshopt · deflated |")
         print("|---|---:|---:|---:|---:|---:|", *size_rows, sep="\n", end="\n\n")
+        print("| mesh |", " | ".join(COLUMNS), "|")
+        print("|---|" + "---:|" * len(COLUMNS), *column_rows, sep="\n", end="\n\n")
         print("| mesh | triangles a second | by processor time | bytes of memory a triangle |")
         print("|---|---:|---:|---:|", *rate_rows, sep="\n", end="\n\n")
         print("| mesh | of the file | triangles | RMS, of the diagonal | simplified | ratio |")

@@ -1,6 +1,7 @@
 //! Indexed meshes on their way into a mesh in core, and out of it.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::{
     Color, Memory, Mesh, Metric, Patch,
@@ -108,7 +109,7 @@ fn along_curve(positions: &[Vec3]) -> Vec<u32> {
         spread(cell.x as u32) | spread(cell.y as u32) << 1 | spread(cell.z as u32) << 2
     };
     let mut keys: Vec<(u32, u32)> = positions.iter().map(key).zip(0..).collect();
-    keys.sort_unstable();
+    keys.par_sort_unstable();
     keys.into_iter().map(|(_, vertex)| vertex).collect()
 }
 

@@ -97,12 +97,16 @@ fn told_of(mesh: &Growing) -> Vec<[([u32; 3], [u8; 4]); 3]> {
     told(mesh.faces().iter().map(|face| face.map(corner)))
 }
 
-fn turned<M: Metric>(surface: &Surface, faces: usize) -> Turned {
+/// What a surface becomes, and its batches.
+fn turned<M: Metric>(surface: &Surface, faces: usize) -> (Turned, Vec<Vec<Split>>) {
     let monitor = Monitor::silent();
     let meter = monitor.meter(StageId::Record, None);
     let mesh = Mesh::<M>::of_scanned(&surface.vertices, surface.faces.clone());
     let recording = record(mesh, 14, faces, &meter).unwrap();
-    turn_round(recording, &header(14), &meter, &mut |_| {}).unwrap()
+    let mut batches = Vec::new();
+    let take = &mut |splits| batches.push(splits);
+    let turned = turn_round(recording, &header(14), &meter, &mut |_| {}, take).unwrap();
+    (turned, batches)
 }
 
 /// What is kept is what the faces alone would tell.
@@ -126,13 +130,13 @@ fn euler(mesh: &Growing) -> i64 {
     used.iter().sum::<i64>() - edges.len() as i64 + mesh.faces().len() as i64
 }
 
-fn assert_comes_back<M: Metric>(surface: &Surface, faces: usize) -> Turned {
-    let turned = turned::<M>(surface, faces);
+fn assert_comes_back<M: Metric>(surface: &Surface, faces: usize) -> (Turned, Vec<Vec<Split>>) {
+    let (turned, batches) = turned::<M>(surface, faces);
     assert_eq!(told_of(&turned.finest), surface.told());
     let mut mesh = Growing::of_base(&turned.base, &header(14));
     let expected = euler(&turned.finest);
     assert_eq!(euler(&mesh), expected);
-    for splits in &turned.batches {
+    for splits in &batches {
         assert!(splits.is_sorted_by(|one, two| one.parent < two.parent));
         // Every third one, in order: any part of a batch gives a mesh.
         let mut part = mesh.clone();
@@ -146,14 +150,14 @@ fn assert_comes_back<M: Metric>(surface: &Surface, faces: usize) -> Turned {
         assert_eq!(euler(&mesh), expected);
     }
     assert_eq!(told_of(&mesh), surface.told());
-    turned
+    (turned, batches)
 }
 
 #[test]
 fn surfaces_come_back_face_for_face_by_either_metric() {
     for surface in [Surface::hills(24), Surface::torus(20)] {
         for faces in [0, 100, 801] {
-            let turned = assert_comes_back::<ByVolume>(&surface, faces);
+            let (turned, _) = assert_comes_back::<ByVolume>(&surface, faces);
             assert!(turned.base.faces.len() <= faces.max(60), "{}", turned.base.faces.len());
             assert_comes_back::<ByQuadric>(&surface, faces);
         }
@@ -192,16 +196,16 @@ fn the_last_faces_of_a_piece_stay() {
     // | \ |
     // 0---1
     let surface = Surface::hills(2);
-    let turned = assert_comes_back::<ByVolume>(&surface, 0);
+    let (turned, _) = assert_comes_back::<ByVolume>(&surface, 0);
     assert_eq!(turned.base.faces.len(), 1);
     let lone =
         Surface::of([[0.0; 3], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]].into_iter(), vec![[0, 1, 2]]);
-    assert_eq!(assert_comes_back::<ByVolume>(&lone, 0).batches.len(), 0);
+    assert_eq!(assert_comes_back::<ByVolume>(&lone, 0).1.len(), 0);
 }
 
 #[test]
 fn splits_that_do_not_fit_their_fans_are_refused_and_change_nothing() {
-    let turned = turned::<ByVolume>(&Surface::hills(9), 40);
+    let (turned, _) = turned::<ByVolume>(&Surface::hills(9), 40);
     let mesh = turned.finest;
     for parent in 0..mesh.positions().len() as u32 + 2 {
         for kind in [Kind::Between, Kind::First, Kind::Last] {

@@ -16,17 +16,16 @@ use crate::{
 /// Splits that one thread works out one after the other.
 const PIECE: usize = 1 << 8;
 
-/// What a recording became.
+/// The ends of a recording; between them are its batches.
 pub struct Turned {
     /// The coarsest mesh.
     pub base: Base,
-    /// Batches of splits.
-    pub batches: Vec<Vec<Split>>,
     /// The finest mesh.
     pub finest: Growing,
 }
 
-/// Turns a recording round. `look` sees the mesh before the first batch and after each.
+/// Turns a recording round. `look` sees the mesh before the first batch of splits and after each,
+/// `take` gets the batches.
 ///
 /// # Errors
 /// Cancellation; the meter counts splits.
@@ -35,6 +34,7 @@ pub fn turn_round(
     header: &Header,
     meter: &Meter,
     look: &mut dyn FnMut(&Growing),
+    take: &mut dyn FnMut(Vec<Split>),
 ) -> Result<Turned, Cancelled> {
     let vertices = recording.positions.len();
     let faces = recording.faces.len() + 2 * recording.collapses.len();
@@ -43,7 +43,6 @@ pub fn turn_round(
     let mut growing = Growing::of_base(&base, header);
     growing.make_room(vertices, faces);
     look(&growing);
-    let mut batches = Vec::new();
     let mut end = turn.recording.collapses.len();
     let rounds = std::mem::take(&mut turn.recording.rounds);
     for round in (0..rounds.len()).rev() {
@@ -51,16 +50,16 @@ pub fn turn_round(
         let mut order: Vec<(u32, u32)> = (start..end)
             .map(|index| (turn.number(turn.recording.collapses[index].kept), index as u32))
             .collect();
-        order.sort_unstable();
+        order.par_sort_unstable();
         for part in order.chunks(BATCH_SPLITS_MAX as usize) {
             let splits = turn.batch(part, &mut growing);
             meter.add(splits.len() as u64)?;
-            batches.push(splits);
+            take(splits);
             look(&growing);
         }
         end = start;
     }
-    Ok(Turned { base, batches, finest: growing })
+    Ok(Turned { base, finest: growing })
 }
 
 struct Turn {

@@ -6,7 +6,7 @@
 mod deviation;
 mod quantize;
 
-use rayon::prelude::*;
+use std::sync::mpsc;
 
 use deviation::Course;
 use quantize::Quantized;
@@ -14,13 +14,13 @@ use quantize::Quantized;
 use crate::{
     error::{Error, Result},
     formats::progressive::{
-        Channels, Deviation, FACES_MAX, Header, Packed, VERTICES_MAX, pack_base, pack_batch,
+        Channels, Deviation, FACES_MAX, Header, Packed, Split, VERTICES_MAX, pack_base, pack_batch,
     },
     mesh::{
         self, Mesh, Metric,
-        progressive::{Growing, RECORD_FACE_BYTES, Turned, record, turn_round},
+        progressive::{Growing, RECORD_FACE_BYTES, Recording, Turned, record, turn_round},
     },
-    progress::{Monitor, StageId},
+    progress::{Meter, Monitor, StageId},
     soup::{IndexedMesh, Vertex},
     storage::Workspace,
 };
@@ -110,13 +110,21 @@ pub fn encode<V: Vertex, M: Metric>(
     meter.finish();
     let (split_vertices, complex_vertices) = (recording.split_vertices, recording.complex_vertices);
     let meter = monitor.meter(StageId::Encode, None);
-    let turned = turn_round(recording, &header, &meter, &mut |mesh| course.look(mesh))?;
-    let vertices = turned.finest.positions().len() as u64;
-    debug_assert_eq!(turned.finest.faces().len() as u64, triangles, "no face is lost");
-    let packed = pack(turned, &header)?;
+    let (Turned { base, finest }, batches) =
+        turn_and_pack(recording, &header, &mut course, &meter)?;
+    let vertices = finest.positions().len() as u64;
+    debug_assert_eq!(finest.faces().len() as u64, triangles, "no face is lost");
+    drop(finest);
+    let Some(base) = pack_base(&base, header.bits, header.channels) else {
+        let text = format!(
+            "{} triangles cannot be collapsed, more than the base of a progressive mesh holds",
+            base.faces.len()
+        );
+        return Err(Error::Request(text));
+    };
     meter.finish();
     Ok(Outcome {
-        blocks: course.finish(packed, step),
+        blocks: course.finish(std::iter::once(base).chain(batches), step),
         header,
         triangles,
         vertices,
@@ -137,18 +145,29 @@ fn channels<V: Vertex>(vertices: &[V]) -> Channels {
     }
 }
 
-/// Packs the base and all batches, several at a time.
-fn pack(turned: Turned, header: &Header) -> Result<Vec<Packed>> {
-    let Turned { base, batches, finest } = turned;
-    drop(finest);
+/// Turns a recording round, and packs its batches meanwhile.
+fn turn_and_pack(
+    recording: Recording,
+    header: &Header,
+    course: &mut Course,
+    meter: &Meter,
+) -> Result<(Turned, Vec<Packed>)> {
     let (bits, channels) = (header.bits, header.channels);
-    let Some(base) = pack_base(&base, bits, channels) else {
-        let text = format!(
-            "{} triangles cannot be collapsed, more than the base of a progressive mesh holds",
-            base.faces.len()
-        );
-        return Err(Error::Request(text));
-    };
-    let packed = batches.into_par_iter().map(|splits| pack_batch(&splits, bits, channels));
-    Ok(std::iter::once(base).chain(packed.collect::<Vec<_>>()).collect())
+    let (sender, packed) = mpsc::channel();
+    let turned = rayon::in_place_scope(|scope| {
+        let mut taken = 0;
+        let mut take = |splits: Vec<Split>| {
+            let (number, sender) = (taken, sender.clone());
+            taken += 1;
+            scope.spawn(move |_| {
+                // Nobody listens once the turning was cancelled.
+                let _ = sender.send((number, pack_batch(&splits, bits, channels)));
+            });
+        };
+        turn_round(recording, header, meter, &mut |mesh| course.look(mesh), &mut take)
+    })?;
+    drop(sender);
+    let mut packed: Vec<(usize, Packed)> = packed.into_iter().collect();
+    packed.sort_unstable_by_key(|(number, _)| *number);
+    Ok((turned, packed.into_iter().map(|(_, batch)| batch).collect()))
 }
