@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Decimation under an error bound: does it hold, how few triangles are left, how fast.
 
-    scripts/bench_bounded.py FOLDER [--meshes N] [--tables-only] [--scratch DIR]
+    scripts/bench_bounded.py FOLDER [--meshes N] [--tables-only | --meshes-only] [--scratch DIR]
 
 FOLDER has `real/` and `big/`. Prints markdown for docs/MEASUREMENTS.md:
 
@@ -129,6 +129,16 @@ def table(bench, name, mesh, shares):
                   f" {rms / done['bound']:.3f} |", flush=True)
 
 
+def tables(bench, folder):
+    iso = bench.scratch / "gyroid.ply"
+    bench.run(bench.meshmill, "generate", "gyroid", "--triangles", "81k", "-o", iso, "-q")
+    table(bench, "Iso-surface, a gyroid of 81 K triangles", iso, ISO_SHARES)
+    big = folder / "big/bunnyct_6m.ply"
+    table(bench, "Iso-surface, a CT scan of 6.1 M triangles", big, ISO_SHARES)
+    scan = folder / "real/igea_268k.ply"
+    table(bench, "Scan, igea with 269 K triangles", scan, SCAN_SHARES)
+
+
 def beside_the_peer(bench, meshes):
     print("\n| mesh | ε, % | left | thousand triangles/s | meshoptimizer, same maximum at vertices |"
           " same maximum on the surface | its thousand triangles/s |")
@@ -160,18 +170,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--meshes", type=int, default=20)
-    parser.add_argument("--tables-only", action="store_true")
+    parts = parser.add_mutually_exclusive_group()
+    parts.add_argument("--tables-only", action="store_true")
+    parts.add_argument("--meshes-only", action="store_true")
     parser.add_argument("--scratch")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=given.scratch) as scratch:
         bench = Bench(scratch)
-        iso = pathlib.Path(scratch) / "gyroid.ply"
-        bench.run(bench.meshmill, "generate", "gyroid", "--triangles", "81k", "-o", iso, "-q")
-        table(bench, "Iso-surface, a gyroid of 81 K triangles", iso, ISO_SHARES)
-        big = given.folder / "big/bunnyct_6m.ply"
-        table(bench, "Iso-surface, a CT scan of 6.1 M triangles", big, ISO_SHARES)
-        scan = given.folder / "real/igea_268k.ply"
-        table(bench, "Scan, igea with 269 K triangles", scan, SCAN_SHARES)
+        if not given.meshes_only:
+            tables(bench, given.folder)
         if not given.tables_only:
             files = sorted((given.folder / "real").iterdir(), key=lambda file: -file.stat().st_size)
             same = {"igea_268k_normals_colour", "bun_zipper_conf"}
