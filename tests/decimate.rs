@@ -202,6 +202,11 @@ fn what_is_no_manifold_is_left_alone_and_counted() {
         assert_eq!(report["decimate"]["complex_vertices"], 2);
         assert_eq!(report["decimate"]["metric"], metric.split_once(' ').unwrap().1);
     }
+    // Told where it decides what the result is.
+    for (count, is_told) in [(200, false), (16, true)] {
+        let ran = folder.run(&format!("simplify in.ply -o out.ply --force -t {count}"));
+        assert_eq!(ran.stderr.contains("2 vertices were left as they are"), is_told, "{count}");
+    }
 }
 
 #[test]

@@ -165,6 +165,9 @@ fn tell(report: &Report, args: &Convert, to_stdout: bool, session: &Session) -> 
     if report.reached_target == Some(false) || report.stopped_by == Some("parity") {
         session.display.say(figures::shortfall(report.stopped_by));
     }
+    if let Some(vertices) = report.left_alone().filter(|_| report.progressive.is_none()) {
+        session.display.say(&figures::left_alone(vertices));
+    }
     let mut line = format!(
         "{}: {} triangles of {} in {:.1} s, {} of memory",
         args.output.path.display(),

@@ -93,6 +93,15 @@ pub(super) fn shortfall(stopped_by: Option<&str>) -> &'static str {
     }
 }
 
+/// Why a result is finer than it might be.
+pub(super) fn left_alone(vertices: u64) -> String {
+    format!(
+        "{} vertices were left as they are: their faces are no single fan, as where more than two \
+         meet at an edge; --method cluster takes those, too",
+        count(vertices)
+    )
+}
+
 /// Records per second in three digits: `38.6 M/s`; with bytes where they are known: `38.6 M/s  1.93 GB/s`.
 pub(super) fn rates(figures: &Figures) -> String {
     let records = rate(figures.per_second);

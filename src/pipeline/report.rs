@@ -342,6 +342,22 @@ pub struct DefectReport {
 }
 
 impl Report {
+    /// Vertices that were left alone because their faces are no fan, if they are more than a tenth of
+    /// those of the result: then they decide what it is.
+    #[must_use]
+    pub fn left_alone(&self) -> Option<u64> {
+        let counts = [
+            self.decimate.as_ref().map(|report| report.complex_vertices),
+            self.bounded.as_ref().map(|report| report.complex_vertices),
+            self.hybrid.as_ref().map(|report| report.complex_vertices),
+            self.stream.as_ref().map(|report| report.complex_vertices),
+            self.progressive.as_ref().map(|report| report.complex_vertices),
+        ];
+        let count = counts.into_iter().flatten().max()?;
+        let vertices = self.output.vertices.unwrap_or(self.output.triangles / 2);
+        (count > vertices / 10).then_some(count)
+    }
+
     /// Takes over what readers found.
     pub fn add_findings(&mut self, findings: &Findings) {
         self.dropped.clone_from(&findings.dropped);
