@@ -163,7 +163,7 @@ fn waiting(folder: &Folder, line: &str) -> Child {
         // Held open for as long as the test lasts.
         thread::sleep(Duration::from_secs(600));
     });
-    while workspaces(folder).is_empty() {
+    while !workspaces(folder).iter().any(|name| !name.contains(".new")) {
         thread::sleep(Duration::from_millis(1));
     }
     child

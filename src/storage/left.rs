@@ -17,7 +17,7 @@ use super::{
     FileEntry, Manifest, ManifestFault, Workspace,
     journal::{Journal, MANIFEST},
     record::{HEADER_BYTES, Header, OwnedFile, file_bytes},
-    workspace::{LOCK, PREFIX},
+    workspace::{LOCK, PREFIX, UNLOCKED},
 };
 use crate::error::{IoContext as _, Result};
 
@@ -69,6 +69,9 @@ pub fn find_left(parent: &Path, key: &str) -> Result<Vec<Left>> {
 }
 
 fn condition_of(path: &Path) -> Condition {
+    if path.to_str().is_some_and(|path| path.ends_with(UNLOCKED)) {
+        return Condition::Useless(None, None);
+    }
     let Ok(lock) = File::options().read(true).write(true).open(path.join(LOCK)) else {
         return Condition::Useless(None, None);
     };
@@ -300,6 +303,22 @@ mod tests {
         assert!(find_left(parent.path(), "other-").unwrap().is_empty());
         drop(workspace);
         assert!(find_left(parent.path(), "job-").unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_workspace_that_is_just_being_made_is_left_alone() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("meshmill-job-x.new");
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join(LOCK), b"").unwrap();
+        let mut found = find_left(parent.path(), "job-").unwrap();
+        assert!(matches!(found[0].condition, Condition::Useless(None, None)));
+        found.remove(0).remove_if_old().unwrap();
+        assert!(path.exists());
+        let long_ago = std::time::SystemTime::now() - 2 * BEGINNING;
+        File::options().read(true).open(&path).unwrap().set_modified(long_ago).unwrap();
+        find_left(parent.path(), "job-").unwrap().remove(0).remove_if_old().unwrap();
+        assert!(!path.exists());
     }
 
     #[test]

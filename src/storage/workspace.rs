@@ -39,6 +39,8 @@ pub struct Workspace {
 
 /// What workspaces are called, before what tells them apart.
 pub(super) const PREFIX: &str = "meshmill-";
+/// What ends their names until they are locked: one that is found without it has been locked.
+pub(super) const UNLOCKED: &str = ".new";
 /// Name of the file that is locked.
 pub(super) const LOCK: &str = "lock";
 
@@ -77,12 +79,16 @@ impl Workspace {
     pub fn create_for(parent: &Path, key: &str) -> Result<Self> {
         let folder = tempfile::Builder::new()
             .prefix(&format!("{PREFIX}{key}"))
+            .suffix(UNLOCKED)
             .tempdir_in(parent)
             .at("create a temporary folder in", parent)?;
-        let folder = Folder { path: folder.keep(), is_kept: false };
+        let mut folder = Folder { path: folder.keep(), is_kept: false };
         let path = folder.path.join(LOCK);
         let lock = system::create_new(&path).at("create", &path)?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive).at("lock", &path)?;
+        let locked = folder.path.with_extension("");
+        system::rename(&folder.path, &locked).at("rename", &folder.path)?;
+        folder.path = locked;
         Ok(Self::in_folder(folder, lock))
     }
 
