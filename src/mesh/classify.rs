@@ -1,6 +1,10 @@
 //! What a vertex is, from the faces around it.
 
-use super::{State, ring::Wing};
+use super::{
+    State,
+    ring::{NEAR_FACES, Wing},
+    surface::NONE,
+};
 
 /// Rings of up to this many faces are looked at pair by pair; larger ones are complex. Chosen by
 /// hand: a vertex in the middle of so many faces carries detail from all sides.
@@ -37,6 +41,35 @@ pub(super) fn classify(ring: &[Wing]) -> State {
 /// those of nearly every vertex do.
 #[inline]
 fn is_closed(ring: &[Wing]) -> bool {
+    match ring.len() {
+        3..=NEAR_FACES => is_closed_near(ring),
+        count => count > NEAR_FACES && is_closed_far(ring),
+    }
+}
+
+/// [`is_closed`] of a small ring. Every face is compared with all: a processor that guesses where a
+/// search will end is mostly wrong.
+#[inline]
+fn is_closed_near(ring: &[Wing]) -> bool {
+    let (mut nexts, mut prevs) = ([NONE; NEAR_FACES], [NONE; NEAR_FACES]);
+    for ((next, prev), wing) in nexts.iter_mut().zip(&mut prevs).zip(ring) {
+        (*next, *prev) = (wing.next, wing.prev);
+    }
+    let (mut at, mut is_fan) = (prevs[0], true);
+    for _ in 1..ring.len() {
+        let (mut following, mut count) = (0, 0);
+        for (next, prev) in nexts.iter().zip(&prevs) {
+            let is_there = u32::from(*next == at);
+            following |= is_there.wrapping_neg() & prev;
+            count += is_there;
+        }
+        is_fan &= count == 1 && at != nexts[0];
+        at = following;
+    }
+    is_fan && at == nexts[0]
+}
+
+fn is_closed_far(ring: &[Wing]) -> bool {
     let mut at = ring[0];
     for _ in 1..ring.len() {
         match ring.iter().find(|other| other.next == at.prev) {
@@ -44,7 +77,7 @@ fn is_closed(ring: &[Wing]) -> bool {
             _ => return false,
         }
     }
-    ring.len() >= 3 && at.prev == ring[0].next
+    at.prev == ring[0].next
 }
 
 /// Whether the edge from a ring's centre to `vertex` has one face only.
@@ -77,6 +110,25 @@ mod tests {
         assert_eq!(state(&[(1, 2), (2, 3), (3, 1), (4, 5), (5, 6), (6, 4)]), State::COMPLEX);
         assert_eq!(state(&[(1, 2), (2, 3), (3, 1), (4, 5)]), State::COMPLEX);
         assert_eq!(state(&[]), State::COMPLEX);
+    }
+
+    #[test]
+    fn small_rings_are_told_as_large_ones_are() {
+        // All rings of four faces over four neighbours, and closed fans of up to twelve faces.
+        for number in 0..4_u32.pow(8) {
+            let digit = |place: u32| number / 4_u32.pow(place) % 4;
+            let wings = (0..4).map(|i| Wing { next: digit(2 * i), prev: digit(2 * i + 1) });
+            let ring: Vec<Wing> = wings.collect();
+            assert_eq!(is_closed_near(&ring), is_closed_far(&ring), "{ring:?}");
+        }
+        for count in 3..=12 {
+            let mut fan: Vec<(u32, u32)> = (0..count).map(|i| (i, (i + 1) % count)).collect();
+            fan.reverse();
+            fan.swap(0, 1);
+            assert_eq!(classify(&ring(&fan)), State::INNER);
+            fan[2].1 = count;
+            assert_ne!(classify(&ring(&fan)), State::INNER);
+        }
     }
 
     #[test]

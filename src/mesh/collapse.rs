@@ -50,6 +50,12 @@ impl<M: Metric> Mesh<M> {
     #[inline]
     pub(super) fn cheapest_cost(&mut self, vertex: u32) -> f32 {
         M::prepare(self, vertex);
+        self.prepared_cost(vertex)
+    }
+
+    /// As [`Self::cheapest_cost`], of a vertex that is prepared.
+    #[inline]
+    pub(super) fn prepared_cost(&self, vertex: u32) -> f32 {
         let best = M::cheapest(self, vertex, self.rings.of(vertex), &[]);
         best.map_or(f32::INFINITY, |best| best.cost)
     }

@@ -1,8 +1,11 @@
 //! Brings a mesh to an exact number of faces.
 
+use rayon::prelude::*;
+
 use super::{
     Limit, State,
     metric::Metric,
+    pieces::pieces,
     surface::{Mesh, UNKNOWN},
     sweep_blocks_while,
 };
@@ -27,6 +30,7 @@ const ROUND_SHARE: f64 = 0.6;
 /// Decimates `mesh` to `faces` faces, or one fewer where only two at a time can go.
 pub fn finish<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> Finished {
     // One more: the last of an odd number must be chosen with care.
+    mesh.know_costs();
     sweep_to(mesh, faces_swept_to(faces), faces + 1, &mut |_| true);
     let is_stuck = !collapse_in_order(mesh, faces);
     Finished { faces: mesh.faces_left, is_stuck }
@@ -46,6 +50,7 @@ pub fn finish_metered<M: Metric>(
         added = meter.add(gone as u64);
         added.is_ok()
     };
+    mesh.know_costs();
     sweep_to(mesh, faces_swept_to(faces), faces + 1, &mut add);
     added?;
     let before = mesh.faces_left;
@@ -107,6 +112,22 @@ fn guess_cost<M: Metric>(mesh: &mut Mesh<M>, aim: usize) -> f32 {
 }
 
 impl<M: Metric> Mesh<M> {
+    /// Looks for all costs that are not known, on all threads.
+    fn know_costs(&mut self) {
+        let is_unknown =
+            |vertex: &u32| self.costs[*vertex as usize] == UNKNOWN && self.is_removable(*vertex);
+        let unknown: Vec<u32> =
+            (0..self.costs.len() as u32).into_par_iter().filter(is_unknown).collect();
+        M::prepare_all(self, &unknown);
+        let mut costs = std::mem::take(&mut self.costs);
+        pieces(&unknown, &mut costs).into_par_iter().for_each(|piece| {
+            for &vertex in piece.vertices {
+                piece.values[(vertex - piece.first) as usize] = self.prepared_cost(vertex);
+            }
+        });
+        self.costs = costs;
+    }
+
     /// What it costs to remove a vertex, for one of each `step` vertices; those that cannot be
     /// removed are passed over.
     #[must_use]
@@ -161,10 +182,11 @@ fn collapse_in_order<M: Metric>(mesh: &mut Mesh<M>, faces: usize) -> bool {
 /// of the costs: all, or only those on a boundary, whose collapses take one face.
 fn fill_order<M: Metric>(mesh: &mut Mesh<M>, only: Option<State>, order: &mut Vec<(u32, u32)>) {
     order.clear();
+    mesh.know_costs();
     for vertex in 0..mesh.spots.len() as u32 {
         let is_wanted = only.is_none_or(|state| mesh.states[vertex as usize] == state);
         if is_wanted && mesh.is_removable(vertex) {
-            let cost = mesh.known_cost(vertex);
+            let cost = mesh.costs[vertex as usize];
             if cost.is_finite() {
                 order.push((cost.to_bits(), vertex));
             }

@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Color, Memory, Mesh, Metric, Patch,
+    Color, Memory, Mesh, Metric, Patch, Threads,
     patch::unit_of_lengths,
     split::{complex, drop_lone_pairs, restore_copies, split_fans},
 };
@@ -53,7 +53,7 @@ impl<M: Metric> Mesh<M> {
             // Where the boundary is shows only now: no face of any vertex is missing.
             Some(carried) => {
                 let joined = (0..patch.positions.len() as u32).collect();
-                Self::of_decimated(Patch { carried, joined, ..patch })
+                Self::of_decimated(Patch { carried, joined, ..patch }, Threads::All)
             }
             None => Self::of_original(patch),
         }

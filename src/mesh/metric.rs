@@ -23,7 +23,7 @@ pub struct Candidate {
 /// What the vertices of a mesh remember, and pass on when they are collapsed.
 pub trait Memory: Sized + Send + Sync + 'static {
     /// What a vertex carries from one mesh to the next; made of numbers of four bytes.
-    type Carried: Copy + Default + Send + FromBytes + IntoBytes + Immutable;
+    type Carried: Copy + Default + Send + Sync + FromBytes + IntoBytes + Immutable;
     /// What a vertex holds while its mesh is decimated.
     type Held: Copy + Default + Send + Sync;
 

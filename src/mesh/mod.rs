@@ -1,5 +1,5 @@
-//! Meshes in core, made to be decimated: no files, progress only of what takes long, and threads only
-//! in `progressive`, which has all of one mesh to look at.
+//! Meshes in core, made to be decimated: no files, progress only of what takes long. Threads have a
+//! mesh each, but where there is one for all of them: in `progressive`, and at the end of a stream.
 //!
 //! A [`Mesh`] tolerates whatever a soup welds to. What cannot be decimated safely, such as edges
 //! with three faces, is left alone `[CKS98 §5]`; the algorithms need not know.
@@ -48,7 +48,7 @@ pub use patch_words::{PatchFigures, as_words, take_words};
 pub use position_index::PositionIndex;
 pub use quadric::Quadric;
 pub use release::{Released, release, release_all};
-pub use surface::{Color, Mesh, State, face_bytes};
+pub use surface::{Color, Mesh, State, Threads, face_bytes};
 pub use sweep::{Limit, sweep_blocks, sweep_blocks_while};
 pub use weld::{Welded, weld};
 pub use window::{Figures, Window};

@@ -4,7 +4,9 @@
 //! vertex then costs one cache line, where walking a list of faces would wait for one after the
 //! other.
 
-use super::surface::NONE;
+use rayon::prelude::*;
+
+use super::{Threads, surface::NONE};
 
 /// A face as one of its vertices sees it: the two others, counter-clockwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,8 +25,14 @@ impl Wing {
     }
 }
 
+/// A face as each of its vertices sees it.
+#[inline]
+fn corners([a, b, c]: [u32; 3]) -> impl Iterator<Item = (u32, Wing)> {
+    [(a, b, c), (b, c, a), (c, a, b)].into_iter().map(|(v, next, prev)| (v, Wing { next, prev }))
+}
+
 /// Faces of a ring that lie in its cache line.
-const NEAR_FACES: usize = 8;
+pub(super) const NEAR_FACES: usize = 8;
 
 /// A ring of up to [`NEAR_FACES`] faces; of a larger one, `next` of the first is its number among
 /// the far ones.
@@ -50,24 +58,60 @@ impl Rings {
 
     /// Makes the rings of faces over `vertices` vertices; returns the faces left out because a
     /// vertex had too many.
-    pub(super) fn of_faces(vertices: usize, faces: &[[u32; 3]]) -> (Self, usize) {
+    pub(super) fn of_faces(vertices: usize, faces: &[[u32; 3]], threads: Threads) -> (Self, usize) {
+        if threads == Threads::All
+            && let Some(rings) = Self::of_faces_on_all_threads(vertices, faces)
+        {
+            return (rings, 0);
+        }
         let mut rings = Self {
             lines: vec![Line::default(); vertices],
             counts: vec![0; vertices],
             ..Self::default()
         };
         let mut refused = 0;
-        for &[a, b, c] in faces {
-            let is_full = |v: &u32| rings.counts[*v as usize] as usize == RING_FACES_MAX;
-            if [a, b, c].iter().any(is_full) {
+        for face in faces {
+            if face.iter().all(|vertex| rings.has_room(*vertex)) {
+                corners(*face).for_each(|(vertex, wing)| rings.push(vertex, wing));
+            } else {
                 refused += 1;
-                continue;
             }
-            rings.push(a, Wing { next: b, prev: c });
-            rings.push(b, Wing { next: c, prev: a });
-            rings.push(c, Wing { next: a, prev: b });
         }
         (rings, refused)
+    }
+
+    /// As [`Self::of_faces`]; `None` where a vertex has too many. Each thread goes over all faces,
+    /// for those of its own vertices.
+    fn of_faces_on_all_threads(vertices: usize, faces: &[[u32; 3]]) -> Option<Self> {
+        let all = (0..vertices).into_par_iter();
+        let (mut lines, mut counts) = (Vec::new(), Vec::new());
+        all.map(|_| (Line::default(), 0_u16)).unzip_into_vecs(&mut lines, &mut counts);
+        let each = vertices.div_ceil(rayon::current_num_threads()).max(1);
+        let parts = lines.par_chunks_mut(each).zip(counts.par_chunks_mut(each)).enumerate();
+        let fill = |(part, (lines, counts)): (usize, (&mut [Line], &mut [u16]))| {
+            let mut beyond = Vec::new();
+            for (vertex, wing) in faces.iter().flat_map(|face| corners(*face)) {
+                let index = (vertex as usize).wrapping_sub(part * each);
+                let Some(line) = lines.get_mut(index) else { continue };
+                match line.0.get_mut(usize::from(counts[index])) {
+                    Some(free) => {
+                        *free = wing;
+                        counts[index] += 1;
+                    }
+                    None => beyond.push((vertex, wing)),
+                }
+            }
+            beyond
+        };
+        let beyond: Vec<Vec<(u32, Wing)>> = parts.map(fill).collect();
+        let mut rings = Self { lines, counts, ..Self::default() };
+        for (vertex, wing) in beyond.into_iter().flatten() {
+            if !rings.has_room(vertex) {
+                return None;
+            }
+            rings.push(vertex, wing);
+        }
+        Some(rings)
     }
 
     /// Faces at a vertex: none when it is gone.
@@ -245,8 +289,11 @@ mod tests {
     #[test]
     fn rings_of_any_size_are_kept_and_shrink_again() {
         for count in [3, 8, 9, 40] {
-            let (mut rings, refused) = Rings::of_faces(count as usize + 1, &fan(count));
+            let of_faces = |by| Rings::of_faces(count as usize + 1, &fan(count), by);
+            let (mut rings, refused) = of_faces(Threads::This);
             assert_eq!((rings.count(0), refused), (count as usize, 0));
+            let (by_all, _) = of_faces(Threads::All);
+            assert!((0..=count).all(|vertex| by_all.of(vertex) == rings.of(vertex)));
             let expected: Vec<Wing> =
                 fan(count).iter().map(|f| Wing { next: f[1], prev: f[2] }).collect();
             assert_eq!(rings.of(0), expected);
@@ -265,7 +312,7 @@ mod tests {
         //  / \ / \   →    \ / \
         // 5---0---1        0---1     (5 is removed into 0; 4 is below)
         let faces = [[0, 1, 3], [0, 3, 2], [0, 2, 5], [5, 4, 0], [0, 4, 1], [5, 2, 6], [5, 6, 4]];
-        let (mut rings, _) = Rings::of_faces(7, &faces);
+        let (mut rings, _) = Rings::of_faces(7, &faces, Threads::This);
         let ring = rings.of(5).to_vec();
         assert_eq!(rings.unite(5, 0, &ring), 2);
         assert_eq!((rings.count(5), rings.count(0)), (0, 5));

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use glam::Vec3;
 use hashbrown::HashMap;
 
-use super::{State, classify::classify, ring::Rings};
+use super::{State, Threads, classify::classify, ring::Rings};
 
 /// Vertices with more faces are left as they are. Chosen by hand: the time goes with the square.
 const RING_FACES_MAX: usize = 512;
@@ -19,7 +19,7 @@ type Face = [u32; 3];
 
 /// Which vertices have faces that are no fan.
 pub(super) fn complex(vertices: usize, faces: &[Face]) -> Vec<bool> {
-    let (rings, _) = Rings::of_faces(vertices, faces);
+    let (rings, _) = Rings::of_faces(vertices, faces, Threads::This);
     (0..vertices as u32).map(|vertex| classify(rings.of(vertex)) == State::COMPLEX).collect()
 }
 
@@ -236,7 +236,7 @@ mod tests {
         restore_copies(&is_complex, faces);
         let added = split_fans(positions, faces, &is_complex);
         let vertices = positions.len() + added.len();
-        let (rings, _) = Rings::of_faces(vertices, faces);
+        let (rings, _) = Rings::of_faces(vertices, faces, Threads::This);
         for vertex in 0..vertices as u32 {
             assert_eq!(classify(rings.of(vertex)), State::INNER, "{vertex}: {faces:?}");
         }

@@ -1,6 +1,7 @@
 //! The mesh: vertices, faces, and for each vertex the list of its corners.
 
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::{
@@ -120,6 +121,31 @@ pub fn face_bytes<V: Vertex, M: Memory>() -> u64 {
     ((patch + color + mesh + Rings::VERTEX_BYTES) / 2) as u64
 }
 
+/// Which threads make a mesh. The result is the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Threads {
+    /// The one that asks: the others have meshes of their own to work on.
+    This,
+    /// All of the pool.
+    All,
+}
+
+impl Threads {
+    /// Makes two values of each number below `count`.
+    fn map<A: Send, B: Send>(
+        self,
+        count: usize,
+        make: impl Fn(usize) -> (A, B) + Sync + Send,
+    ) -> (Vec<A>, Vec<B>) {
+        if self == Self::This {
+            return (0..count).map(make).unzip();
+        }
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        (0..count).into_par_iter().map(make).unzip_into_vecs(&mut first, &mut second);
+        (first, second)
+    }
+}
+
 /// A triangle mesh that edges can be collapsed in. All arrays are by vertex; of vertices that had been
 /// removed before the mesh was made, which are the last ones, there is no ring, state or cost.
 pub struct Mesh<M: Memory> {
@@ -176,7 +202,7 @@ impl<M: Memory> Mesh<M> {
     pub fn of_original(patch: Patch<M>) -> Self {
         let make = |mut patch: Patch<M>| {
             M::scan(&mut patch);
-            Self::of_decimated(patch)
+            Self::of_decimated(patch, Threads::This)
         };
         let mut mesh = make(patch);
         if mesh.has_complex() {
@@ -190,14 +216,14 @@ impl<M: Memory> Mesh<M> {
 
     /// Makes a mesh of patches that were joined, as [`Self::of_original`] does of one.
     #[must_use]
-    pub fn of_joined(patch: Patch<M>) -> Self {
-        let mesh = Self::of_decimated(patch);
+    pub fn of_joined(patch: Patch<M>, threads: Threads) -> Self {
+        let mesh = Self::of_decimated(patch, threads);
         if !mesh.has_complex() {
             return mesh;
         }
         let mut patch = mesh.into_patch();
         let split = patch.split();
-        Self { split, ..Self::of_decimated(patch) }
+        Self { split, ..Self::of_decimated(patch, threads) }
     }
 
     /// Whether a vertex whose faces are all here is no fan.
@@ -222,7 +248,7 @@ impl<M: Memory> Mesh<M> {
 
     /// Makes a mesh of patches that have been decimated: they say what is remembered.
     #[must_use]
-    pub fn of_decimated(patch: Patch<M>) -> Self {
+    pub fn of_decimated(patch: Patch<M>, threads: Threads) -> Self {
         let Patch {
             positions,
             carried,
@@ -236,27 +262,27 @@ impl<M: Memory> Mesh<M> {
             unit,
         } = patch;
         let vertices = positions.len() - hung.len();
-        let (rings, refused) = Rings::of_faces(vertices, &faces);
+        let (rings, refused) = Rings::of_faces(vertices, &faces, threads);
         let faces_left = faces.len() - refused;
         drop(faces);
-        let hold = |(position, carried): (&Vec3, &M::Carried)| {
-            let (held, shown) = M::hold(carried);
-            (Spot(position.extend(shown)), held)
-        };
-        let (spots, held) = positions.iter().zip(&carried).map(hold).unzip();
+        let (spots, held) = threads.map(positions.len(), |index| {
+            let (held, shown) = M::hold(&carried[index]);
+            (Spot(positions[index].extend(shown)), held)
+        });
         drop(carried);
-        let state = |vertex: u32| match rings.of(vertex) {
-            [] => State::default(),
-            ring => classify(ring),
-        };
-        let mut states: Vec<State> = (0..vertices as u32).map(state).collect();
+        let (mut states, costs) = threads.map(vertices, |index| {
+            let state = match rings.of(index as u32) {
+                [] => State::default(),
+                ring => classify(ring),
+            };
+            (state, UNKNOWN)
+        });
         for vertex in shared {
             states[vertex as usize] = states[vertex as usize].frozen();
         }
         for vertex in settled {
             states[vertex as usize] = states[vertex as usize].frozen().with(State::SETTLED);
         }
-        let costs = vec![UNKNOWN; vertices];
         let mut mesh =
             Self { spots, rings, held, states, costs, colors, normals, faces_left, unit, split: 0 };
         mesh.add_boundaries(joined.into_iter());

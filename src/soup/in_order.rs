@@ -1,16 +1,18 @@
 //! A pass whose batches are worked on by all threads and handed over in order.
 
-use std::sync::{Mutex, PoisonError};
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, PoisonError, mpsc},
+};
 
 use super::{Pass, Scratch, Source, Taken, Vertex};
 use crate::{error::Result, formats::Findings, progress::Meter, storage::Budget};
 
-/// A batch under way.
-struct Slot<T> {
+/// A batch that was worked on.
+struct Done<T> {
     made: T,
-    first_record: u64,
-    /// What reading came to; `false` at the end of the pass.
-    read: Result<bool>,
+    /// Its first record and the first one after it; `None` at the end of the pass.
+    read: Result<Option<(u64, u64)>>,
 }
 
 /// Passes over `source`: `work` makes something of each batch on any thread of the current pool,
@@ -30,62 +32,84 @@ pub fn for_each_in_order<V: Vertex, T: Default + Send>(
     mut take: impl FnMut(&mut T) -> Result<()>,
 ) -> Result<Findings> {
     let pass = source.pass();
-    let width = budget.threads();
-    let scratches = Mutex::new(Vec::new());
-    let (mut spare, mut ready): (Vec<Slot<T>>, Vec<Slot<T>>) = (Vec::new(), Vec::new());
-    loop {
-        let empty = || Slot { made: T::default(), first_record: 0, read: Ok(false) };
-        let mut wave: Vec<Slot<T>> = std::mem::take(&mut spare);
-        wave.resize_with(width, empty);
-        // The scope's own body stays on this thread, so `take` need not be `Send`.
-        rayon::in_place_scope(|scope| {
-            for slot in &mut wave {
-                let (pass, scratches, work) = (&pass, &scratches, &work);
-                scope.spawn(move |_| slot.fill(pass, meter, scratches, work));
+    let desk = Desk { pass: &pass, meter, scratches: Mutex::default(), work: &work };
+    let (done, received) = mpsc::channel::<Done<T>>();
+    // One is with `take`.
+    let others_max = 2 * budget.threads() - 1;
+    let mut spare: Vec<T> = Vec::new();
+    // What has come before its turn, by its first record, with the first record after it.
+    let mut early: BTreeMap<u64, (u64, T)> = BTreeMap::new();
+    let (mut turn, mut under_way, mut is_at_end) = (0, 0, false);
+    // The scope's own body stays on this thread, so `take` need not be `Send`.
+    rayon::in_place_scope(|scope| -> Result<()> {
+        loop {
+            while !is_at_end && under_way + early.len() < others_max {
+                let (made, desk, done) = (spare.pop().unwrap_or_default(), &desk, &done);
+                // Nobody receives after a failure.
+                scope.spawn(move |_| drop(done.send(desk.fill(made))));
+                under_way += 1;
             }
-            ready.iter_mut().try_for_each(|slot| take(&mut slot.made))
-        })?;
-        spare = std::mem::take(&mut ready);
-        for slot in wave {
-            if slot.read? {
-                ready.push(Slot { read: Ok(true), ..slot });
+            if let Some((next, mut made)) = early.remove(&turn) {
+                turn = next;
+                take(&mut made)?;
+                spare.push(made);
+                continue;
+            }
+            if under_way == 0 {
+                return Ok(());
+            }
+            let Some(Done { made, read }) = receive(&received) else { continue };
+            under_way -= 1;
+            match read? {
+                Some((first, next)) => drop(early.insert(first, (next, made))),
+                None => is_at_end = true,
             }
         }
-        if ready.is_empty() {
-            return Ok(pass.finish());
-        }
-        // Which thread got which batch is chance.
-        ready.sort_by_key(|slot| slot.first_record);
-    }
+    })?;
+    drop(desk);
+    Ok(pass.finish())
 }
 
-impl<T> Slot<T> {
+/// What has been done; where nothing has, lends a hand, and waits only when there is nothing to do.
+fn receive<T>(received: &mpsc::Receiver<T>) -> Option<T> {
+    if let Ok(done) = received.try_recv() {
+        return Some(done);
+    }
+    if rayon::yield_now() == Some(rayon::Yield::Executed) {
+        return None;
+    }
+    received.recv().ok()
+}
+
+/// Where batches are worked on.
+struct Desk<'a, V: Vertex, W> {
+    pass: &'a Pass<'a, V>,
+    meter: &'a Meter<'a>,
+    scratches: Mutex<Vec<Scratch<V>>>,
+    work: &'a W,
+}
+
+impl<V: Vertex, W> Desk<'_, V, W> {
     /// Reads a batch and works on it.
-    fn fill<V: Vertex>(
-        &mut self,
-        pass: &Pass<'_, V>,
-        meter: &Meter<'_>,
-        scratches: &Mutex<Vec<Scratch<V>>>,
-        work: &(impl Fn(&Taken<'_, V>, &mut T) + Sync),
-    ) {
-        let scratches = || scratches.lock().unwrap_or_else(PoisonError::into_inner);
+    fn fill<T>(&self, mut made: T) -> Done<T>
+    where
+        W: Fn(&Taken<'_, V>, &mut T) + Sync,
+    {
+        let scratches = || self.scratches.lock().unwrap_or_else(PoisonError::into_inner);
         let scratch = scratches().pop();
         let mut scratch = scratch.unwrap_or_default();
-        self.read = self.read(pass, meter, &mut scratch, work);
+        let read = self.read(&mut scratch, &mut made);
         scratches().push(scratch);
+        Done { made, read }
     }
 
-    fn read<V: Vertex>(
-        &mut self,
-        pass: &Pass<'_, V>,
-        meter: &Meter<'_>,
-        scratch: &mut Scratch<V>,
-        work: &(impl Fn(&Taken<'_, V>, &mut T) + Sync),
-    ) -> Result<bool> {
-        let Some(taken) = pass.next(scratch)? else { return Ok(false) };
-        work(&taken, &mut self.made);
-        self.first_record = taken.first_record;
-        meter.add(taken.records)?;
-        Ok(true)
+    fn read<T>(&self, scratch: &mut Scratch<V>, made: &mut T) -> Result<Option<(u64, u64)>>
+    where
+        W: Fn(&Taken<'_, V>, &mut T) + Sync,
+    {
+        let Some(taken) = self.pass.next(scratch)? else { return Ok(None) };
+        (self.work)(&taken, made);
+        self.meter.add(taken.records)?;
+        Ok(Some((taken.first_record, taken.first_record + taken.records)))
     }
 }

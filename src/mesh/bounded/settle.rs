@@ -1,6 +1,6 @@
 //! What of a decimated mesh is finished, and what can still change when its interfaces open.
 
-use super::super::{Mesh, Patch, State, ring::Wing, surface::NONE};
+use super::super::{Mesh, Patch, State, Threads, ring::Wing, surface::NONE};
 use super::hanging::ByDeviation;
 
 /// A mesh taken apart. Both parts know the vertices between them.
@@ -134,7 +134,7 @@ impl Mesh<ByDeviation> {
     #[must_use]
     pub fn of_open(mut patch: Patch<ByDeviation>) -> Self {
         let split = patch.split();
-        let mesh = Self::of_decimated(patch);
+        let mesh = Self::of_decimated(patch, Threads::This);
         Self { split, ..mesh }
     }
 }

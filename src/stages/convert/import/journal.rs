@@ -5,7 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Config, Look, Outcome, RESIDENT_BYTES_MIN, RESIDENT_SHARE, Survey};
+use super::{
+    Config, Look, Outcome, Survey,
+    table::{RESIDENT_BYTES_MIN, RESIDENT_SHARE},
+};
 use crate::{
     error::Result,
     formats::{Findings, Origin},

@@ -5,10 +5,12 @@
 //! refer to vertices still to come) is set aside in the workspace.
 
 mod journal;
+mod table;
 
 use std::sync::{Mutex, PoisonError};
 
 pub use journal::{STEP, note, recall};
+use table::TableBuilder;
 
 use crate::{
     error::{Error, Fault, Position, Result},
@@ -19,7 +21,7 @@ use crate::{
         FaceList, FaceWriter, Input, LiveReader, Minima, OpenInput, OrderMeter, Part, Scratch,
         Source, Taken, Triangle, Vertex, VertexTable, for_each_in_order,
     },
-    storage::{RecordWriter, Reservation, Workspace},
+    storage::{RecordWriter, Workspace},
 };
 
 /// What later stages need to know before they begin.
@@ -210,10 +212,15 @@ impl Job<'_> {
                 meter.add(batch.count() as u64)?;
             }
             if batch.content == Content::Vertices {
-                sampler.look(batch.positions.iter().copied());
-                bad |= look_at(&batch.positions, &mut self.look.bounds);
                 table.make_room(batch.positions.len() as u64, self.workspace)?;
-                table.extend(&batch)?;
+                let look = || {
+                    sampler.look(batch.positions.iter().copied());
+                    look_at(&batch.positions, &mut self.look.bounds)
+                };
+                // A thread that does nothing else would wait for the memory it is first to touch.
+                let (is_bad, added) = rayon::join(look, || table.extend(&batch));
+                added?;
+                bad |= is_bad;
                 continue;
             }
             if can_wait {
@@ -406,94 +413,4 @@ fn look_at_soup<V: Vertex>(
         meter.add(taken.records)?;
     }
     Ok((bounds, sampler, seen))
-}
-
-/// A vertex table that moves to disk when it outgrows its share of the budget.
-struct TableBuilder<V: Vertex> {
-    place: Place<V>,
-    count: u64,
-    /// Bytes the table may take in memory.
-    memory_bytes_max: u64,
-}
-
-enum Place<V: Vertex> {
-    Memory(Vec<V>, Reservation),
-    File(RecordWriter<V>),
-}
-
-/// Vertices reserved at a time when their number is not known.
-const GROWTH_MIN: u64 = 1 << 16;
-/// Share of the budget whose pages of a mapped table may be resident; and at least so much.
-const RESIDENT_SHARE: f64 = 0.25;
-const RESIDENT_BYTES_MIN: u64 = 4 << 20;
-
-impl<V: Vertex> TableBuilder<V> {
-    fn new(declared: Option<u64>, config: &Config, workspace: &Workspace) -> Result<Self> {
-        let limit = workspace.budget().available_bytes();
-        let memory_bytes_max = (limit as f64 * config.table_share) as u64;
-        let bytes = declared.map(|count| count.saturating_mul(size_of::<V>() as u64));
-        let reservation = workspace
-            .budget()
-            .reserve(bytes.unwrap_or(0))
-            .filter(|reservation| reservation.bytes() <= memory_bytes_max);
-        let place = match reservation {
-            Some(reservation) => Place::Memory(Vec::new(), reservation),
-            None => Place::File(RecordWriter::create(workspace, "vertices", declared)?),
-        };
-        Ok(Self { place, count: 0, memory_bytes_max })
-    }
-
-    fn extend(&mut self, batch: &Batch) -> Result<()> {
-        self.count += batch.positions.len() as u64;
-        match &mut self.place {
-            Place::Memory(vertices, _) => {
-                if V::COLORED && !batch.colors.is_empty() {
-                    let pairs = batch.positions.iter().zip(&batch.colors);
-                    vertices.extend(pairs.map(|(position, color)| V::new(*position, *color)));
-                } else {
-                    vertices.extend(batch.positions.iter().map(|p| V::new(*p, [255; 4])));
-                }
-                Ok(())
-            }
-            Place::File(writer) => {
-                for (index, position) in batch.positions.iter().enumerate() {
-                    let color = batch.colors.get(index).copied().unwrap_or([255; 4]);
-                    writer.push(&V::new(*position, color))?;
-                }
-                Ok(())
-            }
-        }
-    }
-
-    /// Makes sure that the next batch has room, on disk if not in memory.
-    fn make_room(&mut self, more: u64, workspace: &Workspace) -> Result<()> {
-        let Place::Memory(vertices, reservation) = &mut self.place else { return Ok(()) };
-        let needed = (vertices.len() as u64 + more) * size_of::<V>() as u64;
-        if needed <= reservation.bytes() {
-            return Ok(());
-        }
-        let growth = (reservation.bytes() / 2).max(GROWTH_MIN * size_of::<V>() as u64);
-        let growth = growth.max(needed - reservation.bytes());
-        let fits = reservation.bytes() + growth <= self.memory_bytes_max;
-        if fits && reservation.grow(growth) {
-            let room = reservation.bytes() as usize / size_of::<V>() - vertices.len();
-            vertices.reserve_exact(room);
-            return Ok(());
-        }
-        let mut writer = RecordWriter::create(workspace, "vertices", None)?;
-        writer.extend(vertices)?;
-        self.place = Place::File(writer);
-        Ok(())
-    }
-
-    fn finish(self, workspace: &Workspace) -> Result<VertexTable<V>> {
-        Ok(match self.place {
-            Place::Memory(vertices, reservation) => VertexTable::Memory(vertices, reservation),
-            Place::File(writer) => {
-                let share = workspace.budget().available_bytes() as f64 * RESIDENT_SHARE;
-                let resident_bytes_max = (share as u64).max(RESIDENT_BYTES_MIN);
-                VertexTable::File { records: writer.finish()?.map()?, resident_bytes_max }
-            }
-        })
-    }
 }

@@ -25,7 +25,7 @@ use work::{REST, Work, busy_bytes, slabs_under_way};
 
 use crate::{
     error::{Error, Result},
-    mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch},
+    mesh::{self, ByQuadric, ByVolume, Limit, Mesh, Patch, Threads},
     progress::{Monitor, StageId},
     soup::{Cutter, IndexedMesh, Slab, SweepAxis, Triangle, Vertex},
     storage::{StreamEnd, Workspace},
@@ -296,7 +296,7 @@ fn finish<V: Vertex, M: mesh::Metric>(
     monitor.check(StageId::Finish)?;
     let split: u64 = pieces.iter().map(|piece| piece.extent.split).sum();
     let patches = pieces.into_iter().map(|piece| piece.patch).collect();
-    let mut mesh = Mesh::of_joined(Patch::join(patches, |_| false));
+    let mut mesh = Mesh::of_joined(Patch::join(patches, |_| false), Threads::All);
     let split_vertices = split + mesh.split_vertices() as u64;
     let complex_vertices = mesh.complex_vertices() as u64;
     monitor.check(StageId::Finish)?;

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    mesh::{self, Mesh},
+    mesh::{self, Mesh, Threads},
     progress::Meter,
     soup::{Slab, Vertex},
     storage::{Budget, Reservation, StreamEnd, Workspace},
@@ -235,7 +235,7 @@ impl<'a, M: mesh::Metric> Work<'a, M> {
         let mut joined = Piece::join(family, self.config.axis);
         let frozen = 2 * joined.patch.shared.len();
         joined.room.absorb(room);
-        let mut mesh = Mesh::of_joined(joined.patch);
+        let mut mesh = Mesh::of_joined(joined.patch, Threads::This);
         if self.config.threshold.is_some() {
             mesh::sweep_blocks(&mut mesh, &self.config.slab_limit());
         } else {
