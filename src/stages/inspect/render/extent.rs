@@ -17,6 +17,7 @@ use crate::{
 };
 
 /// Least and greatest coordinates along the directions of each rotation.
+#[derive(Clone)]
 struct Reach {
     /// By rotation.
     min: Vec<Vec3A>,
@@ -28,16 +29,16 @@ impl Reach {
         Self { min: vec![Vec3A::INFINITY; rotations], max: vec![Vec3A::NEG_INFINITY; rotations] }
     }
 
-    /// Adds positions. Coordinates that are not numbers are ignored.
+    /// Adds positions that lie near each other. Coordinates that are not numbers are ignored.
     fn add(&mut self, rotations: &[Mat3A], positions: &(impl Iterator<Item = [f32; 3]> + Clone)) {
+        let none = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let surroundings = within(none, positions.clone().map(Vec3A::from_array));
         for (index, rotation) in rotations.iter().enumerate() {
-            let (mut min, mut max) = (self.min[index], self.max[index]);
-            for position in positions.clone() {
-                // Of a number and none, these instructions take the second.
-                let at = *rotation * Vec3A::from_array(position);
-                (min, max) = (at.min(min), at.max(max));
+            let known = (self.min[index], self.max[index]);
+            if !holds(known, *rotation, surroundings) {
+                let turned = positions.clone().map(|at| *rotation * Vec3A::from_array(at));
+                (self.min[index], self.max[index]) = within(known, turned);
             }
-            (self.min[index], self.max[index]) = (min, max);
         }
     }
 
@@ -49,8 +50,28 @@ impl Reach {
     }
 }
 
+/// The least box around another and some positions.
+fn within(known: (Vec3A, Vec3A), positions: impl Iterator<Item = Vec3A>) -> (Vec3A, Vec3A) {
+    // Of a number and none, these instructions take the second.
+    positions.fold(known, |(min, max), at| (at.min(min), at.max(max)))
+}
+
+/// Whether all that lies in a box is certain to lie between `min` and `max` when it has been turned,
+/// however that is rounded. Most of a mesh is far from where it ends.
+fn holds((min, max): (Vec3A, Vec3A), rotation: Mat3A, (low, high): (Vec3A, Vec3A)) -> bool {
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let reach = rotation.abs() * half + (middle.abs() + half).max_element() * ROUNDING;
+    let middle = rotation * middle;
+    (middle - reach).cmpge(min).all() && (middle + reach).cmple(max).all()
+}
+
+/// More than turning a point can be off by, relative to its distance from the origin.
+const ROUNDING: f32 = 1e-5;
+
 /// Vertices between two looks at the flag that stops a job.
 const VERTICES_PER_STEP: usize = 1 << 15;
+/// Vertices that lie near each other, mostly.
+const VERTICES_TOGETHER: usize = 1 << 10;
 
 /// How far a mesh reaches in each view.
 #[derive(Clone, Debug)]
@@ -113,24 +134,22 @@ fn reach<V: Vertex>(
         }
     }
     let all = Mutex::new(Reach::none(rotations.len()));
-    let join = |reach: &Reach| all.lock().unwrap_or_else(PoisonError::into_inner).join(reach);
+    let all_known = || all.lock().unwrap_or_else(PoisonError::into_inner);
     if tables.len() == source.parts.len() {
         let vertices = tables.iter().map(|table| table.len() as u64).sum();
         let meter = monitor.meter(StageId::Import, Some(vertices));
         for table in tables {
-            let mut reach = Reach::none(rotations.len());
-            add_vertices(table, &rotations, &meter, &mut reach)?;
-            join(&reach);
+            add_vertices(table, &rotations, &meter, &mut all_known())?;
         }
         meter.finish();
     } else {
         for_each_batch(source, StageId::Import, (budget, monitor), |taken| {
-            let mut reach = Reach::none(rotations.len());
+            let mut reach = all_known().clone();
             for triangles in taken.triangles.chunks(TRIANGLES_PER_CHUNK) {
                 let corners = triangles.iter().flat_map(|triangle| &triangle.0);
                 reach.add(&rotations, &corners.map(V::position));
             }
-            join(&reach);
+            all_known().join(&reach);
             Ok(())
         })?;
     }
@@ -147,7 +166,9 @@ fn add_vertices<V: Vertex>(
     reach: &mut Reach,
 ) -> Result<()> {
     for vertices in table.chunks(VERTICES_PER_STEP) {
-        reach.add(rotations, &vertices.iter().map(V::position));
+        for vertices in vertices.chunks(VERTICES_TOGETHER) {
+            reach.add(rotations, &vertices.iter().map(V::position));
+        }
         meter.add(vertices.len() as u64)?;
     }
     Ok(())
