@@ -6,6 +6,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{Vec2, Vec3, Vec3A};
+use rayon::prelude::*;
 
 /// The samples of a picture, in square tiles: triangles that follow each other lie side by side, in
 /// any direction, and so do their samples in memory.
@@ -47,7 +48,7 @@ impl Frame {
         let empty = || AtomicU64::new(EMPTY);
         let [tiles_per_row, tile_rows] = [width, height].map(|side| side.div_ceil(1 << TILE_SHIFT));
         let count = (tiles_per_row * tile_rows) << (2 * TILE_SHIFT);
-        let samples = std::iter::repeat_with(empty).take(count).collect();
+        let samples = (0..count).into_par_iter().map(|_| empty()).collect();
         Self { width, height, tiles_per_row, samples }
     }
 
