@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    panic::{self, AssertUnwindSafe},
     sync::{Mutex, PoisonError, mpsc},
 };
 
@@ -33,7 +34,7 @@ pub fn for_each_in_order<V: Vertex, T: Default + Send>(
 ) -> Result<Findings> {
     let pass = source.pass();
     let desk = Desk { pass: &pass, meter, scratches: Mutex::default(), work: &work };
-    let (done, received) = mpsc::channel::<Done<T>>();
+    let (done, received) = mpsc::channel::<Option<Done<T>>>();
     // One is with `take`.
     let others_max = 2 * budget.threads() - 1;
     let mut spare: Vec<T> = Vec::new();
@@ -45,8 +46,16 @@ pub fn for_each_in_order<V: Vertex, T: Default + Send>(
         loop {
             while !is_at_end && under_way + early.len() < others_max {
                 let (made, desk, done) = (spare.pop().unwrap_or_default(), &desk, &done);
-                // Nobody receives after a failure.
-                scope.spawn(move |_| drop(done.send(desk.fill(made))));
+                scope.spawn(move |_| {
+                    // Nobody receives after a failure.
+                    match panic::catch_unwind(AssertUnwindSafe(|| desk.fill(made))) {
+                        Ok(filled) => drop(done.send(Some(filled))),
+                        Err(panicked) => {
+                            drop(done.send(None));
+                            panic::resume_unwind(panicked);
+                        }
+                    }
+                });
                 under_way += 1;
             }
             if let Some((next, mut made)) = early.remove(&turn) {
@@ -58,7 +67,9 @@ pub fn for_each_in_order<V: Vertex, T: Default + Send>(
             if under_way == 0 {
                 return Ok(());
             }
-            let Some(Done { made, read }) = receive(&received) else { continue };
+            let Some(filled) = receive(&received) else { continue };
+            // A batch that panicked: the scope goes on with that when all others have ended.
+            let Some(Done { made, read }) = filled else { return Ok(()) };
             under_way -= 1;
             match read? {
                 Some((first, next)) => drop(early.insert(first, (next, made))),

@@ -224,3 +224,20 @@ fn a_sort_can_be_cancelled_and_its_sink_can_fail() {
         assert_eq!(error.to_string(), "enough");
     }
 }
+
+#[test]
+fn a_thread_that_panics_ends_the_pass() {
+    let field = height_field::<Point>(2000, 100);
+    let workspace = Workspace::for_test();
+    let source = source(&field, &workspace);
+    let panics = |triangle: &Triangle<Point>| {
+        assert!(triangle.0[0].0[0] < 900.0, "in the middle of the stream");
+        false
+    };
+    let pass = || measure_order(&source, &workspace, &Monitor::silent(), panics).map(drop);
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| pool.install(pass)));
+        assert!(ended.is_err(), "{threads} threads");
+    }
+}
